@@ -21,21 +21,21 @@ static void moved_within(const Past *now, double time, double moved[6])
 }
 
 /* Between two times with no communication point in between; nothing is known of what was before the first one. */
-static Push push_between(const Model *model, double begin, double end, double axes[3][3])
+static Manoeuvre manoeuvre_between(const Model *model, double begin, double end, double axes[3][3])
 {
     static const double none[3];
-    Push push = {0};
-    double *moved = push.moved;
+    Manoeuvre manoeuvre = {0};
+    double *moved = manoeuvre.moved;
     int k = 0;
-    copy(axes, push.axes);
+    copy(axes, manoeuvre.axes);
     while (k < model->count - 1 && model->past[k].time < end) k++;
-    if (k == 0 || model->past[k].time < end) return push;
+    if (k == 0 || model->past[k].time < end) return manoeuvre;
     double until_end[6];
     if (begin > model->past[k - 1].time) moved_within(&model->past[k], begin, moved);
-    push_on(&model->filter.options, begin, end, none, moved);
+    displacement_by(&model->filter.options, begin, end, none, moved);
     moved_within(&model->past[k], end, until_end);
     for (int i = 0; i < 6; i++) moved[i] = until_end[i] - moved[i];
-    return push;
+    return manoeuvre;
 }
 
 /* Make room for a communication point: forget the oldest if the filter is past it, else the one between neighbours that are
@@ -49,14 +49,14 @@ static void make_room(Model *model)
         least = 1;
         for (int i = 2; i < model->count - 1; i++)
             if (past[i + 1].time - past[i - 1].time < past[least + 1].time - past[least - 1].time) least = i;
-        push_on(&model->filter.options, past[least].time, past[least + 1].time, none, past[least].moved);
+        displacement_by(&model->filter.options, past[least].time, past[least + 1].time, none, past[least].moved);
         for (int i = 0; i < 6; i++) past[least + 1].moved[i] += past[least].moved[i];
     }
     model->count--;
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant push would have the velocity of
+/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant manoeuvre would have the velocity of
    that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
    both are right to second order. */
 static void remember(Model *model, const double *values, const double command[3], double time, double next)
@@ -68,14 +68,14 @@ static void remember(Model *model, const double *values, const double command[3]
     now->time = next;
     memset(now->moved, 0, sizeof now->moved);
     for (int half = 0; half < 2; half++) {
-        double push[3];
+        double manoeuvre[3];
         const double *arguments[] = {&moments[half], values + AT_ORBIT, command};
-        double *results[] = {push};
+        double *results[] = {manoeuvre};
         if (values[AT_ON_ORBIT] != 0.0)
             unit_push(arguments, results, NULL, NULL, 0);
         else
-            memcpy(push, command, sizeof push);
-        push_on(&model->filter.options, ends[half], ends[half + 1], push, now->moved);
+            memcpy(manoeuvre, command, sizeof manoeuvre);
+        displacement_by(&model->filter.options, ends[half], ends[half + 1], manoeuvre, now->moved);
     }
 }
 
@@ -212,14 +212,14 @@ static bool take_sample(Model *model, const double *values, char *message)
     const double time = values[AT_SAMPLE_TIME] - model->started;
     double next;
     double axes[3][3];
-    Push push;
+    Manoeuvre manoeuvre;
     axes_between(model, values, axes);
     while (model->filter.frames > 0.0 && (next = next_point(model, model->filter.time, time)) < time) {
-        push = push_between(model, model->filter.time, next, axes);
-        advance(&model->filter, next, &push);
+        manoeuvre = manoeuvre_between(model, model->filter.time, next, axes);
+        advance(&model->filter, next, &manoeuvre);
     }
-    push = push_between(model, model->filter.time, time, axes);
-    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, &push) != ACCEPTED) return false;
+    manoeuvre = manoeuvre_between(model, model->filter.time, time, axes);
+    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, &manoeuvre) != ACCEPTED) return false;
     model->samples += 1.0;
     for (int k = 0; k < 3; k++) {
         model->sight[k] = 0.0;
@@ -290,11 +290,11 @@ static bool write_outputs(const Model *model, double *values, double time)
     write_features(filter, &ahead.posterior, values);
     while (ahead.time < time) {
         const double next = next_point(model, ahead.time, time);
-        const Push push = push_between(model, ahead.time, next, axes);
-        go_ahead(filter, &ahead, next, &push);
+        const Manoeuvre manoeuvre = manoeuvre_between(model, ahead.time, next, axes);
+        go_ahead(filter, &ahead, next, &manoeuvre);
     }
     state_there(filter, &ahead, &now);
-    push_ahead(filter, &ahead, time + values[AT_HORIZON], &none);
+    manoeuvre_ahead(filter, &ahead, time + values[AT_HORIZON], &none);
     state_there(filter, &ahead, &then);
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);

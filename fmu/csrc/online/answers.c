@@ -52,25 +52,25 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
     for (int i = 0; i < 6; i++) ahead->x[i] = filter->x[i];
 }
 
-/* To a later time, until which pushes have moved the chaser. */
-static void go_ahead(const Online *filter, Ahead *ahead, double end, const Push *push) {
+/* To a later time, until which manoeuvres have moved the chaser. */
+static void go_ahead(const Online *filter, Ahead *ahead, double end, const Manoeuvre *manoeuvre) {
     int count = end > ahead->time ? steps_between(&filter->options, ahead->time, end) : 0;
-    if (is_push(push)) begin_thrust(&filter->options, &ahead->posterior);
+    if (is_manoeuvre(manoeuvre)) begin_thrust(&filter->options, &ahead->posterior);
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double T = (end - ahead->time) / count, from = ahead->time + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->posterior, &transition);
+        step_on(filter, from, last ? end : from + T, last ? manoeuvre : NULL, ahead->x, &ahead->posterior, &transition);
     }
     ahead->time = end;
 }
 
-/* To a later time, until which thrust pushes the chaser. */
-static void push_ahead(const Online *filter, Ahead *ahead, double end, const OnlineThrust *thrust) {
-    Push push = {0};
-    copy(thrust->axes, push.axes);
-    push_on(&filter->options, ahead->time, end, thrust->acceleration, push.moved);
-    go_ahead(filter, ahead, end, &push);
+/* To a later time, until which there is thrust. */
+static void manoeuvre_ahead(const Online *filter, Ahead *ahead, double end, const OnlineThrust *thrust) {
+    Manoeuvre manoeuvre = {0};
+    copy(thrust->axes, manoeuvre.axes);
+    displacement_by(&filter->options, ahead->time, end, thrust->acceleration, manoeuvre.moved);
+    go_ahead(filter, ahead, end, &manoeuvre);
 }
 
 /* The covariance of (r, v) there. */
@@ -128,7 +128,7 @@ int online_predict(const Online *filter, double time, const OnlineThrust *thrust
         return ACCEPTED;
     }
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, thrust);
+    manoeuvre_ahead(filter, &ahead, time, thrust);
     state_there(filter, &ahead, state);
     return ACCEPTED;
 }
@@ -192,7 +192,7 @@ int online_point(const Online *filter, double time, const OnlineThrust *thrust, 
     FeaturePosterior known;
     double P[6][6], arm[3], K[3][3], KC[3][3], RB[3][3], X[3][3], shift[3], arc[3][3];
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, thrust);
+    manoeuvre_ahead(filter, &ahead, time, thrust);
     const Posterior *posterior = &ahead.posterior;
     couple_features(filter, posterior, &coupling);
     posterior_of_feature(filter, posterior, &coupling, slot, &known);

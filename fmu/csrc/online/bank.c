@@ -156,7 +156,7 @@ static double first_weight(const Online *filter, int m) {
 
 /* The large filter as a member, at x: of the thrusters it knows what the bank said last. */
 static Member large_at(const Online *filter, const double x[6]) {
-    Member large = {.errors = filter->pushed != 0.0 ? ERRORS : PATH_AND_MAP};
+    Member large = {.errors = filter->manoeuvred != 0.0 ? ERRORS : PATH_AND_MAP};
     for (int k = 0; k < 6; k++) large.x[k] = x[k];
     of_path_and_map(filter, large.P);
     for (int a = 0; a < OF_THRUST; a++) {
@@ -183,14 +183,14 @@ static void start_bank(Online *filter) {
 static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
 
 /* Of `advance_member`, what the errors of the thrusters add: to x, and to A, the covariance of (r, v) then with all now. */
-static void push_member(const Member *member, const Transition *transition, const double by[6], double x[6], double A[6][ERRORS]) {
+static void add_thrust_of_member(const Member *member, const Transition *transition, const double by[6], double x[6], double A[6][ERRORS]) {
     for (int a = 0; a < 6; a++) {
         for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[PATH_AND_MAP + a % 3][b];
         for (int k = 0; k < 6; k++)
             for (int b = THRUST; b < ERRORS; b++) A[a][b] += transition->F[a][k] * member->P[k][b];
         for (int k = 0; k < OF_THRUST; k++) {
-            x[a] += transition->push[a][k] * member->x[THRUST + k];
-            for (int b = 0; b < ERRORS; b++) A[a][b] += transition->push[a][k] * member->P[THRUST + k][b];
+            x[a] += transition->by_thrust[a][k] * member->x[THRUST + k];
+            for (int b = 0; b < ERRORS; b++) A[a][b] += transition->by_thrust[a][k] * member->P[THRUST + k][b];
         }
     }
 }
@@ -208,7 +208,7 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
     }
-    if (n > MOTION) push_member(member, transition, by, x, A);
+    if (n > MOTION) add_thrust_of_member(member, transition, by, x, A);
     for (int a = 0; a < 6; a++) {
         double s[6];
         member->x[a] = x[a];
@@ -216,7 +216,7 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
         for (int k = 0; k < OF_THRUST && n > MOTION; k++)
-            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * transition->push[b][k];
+            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * transition->by_thrust[b][k];
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
         for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
@@ -248,22 +248,22 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
    there is no factor. */
 static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
     const double(*late)[3] = measurement->lag, (*R)[3] = measurement->offset, *g = measurement->scale, bend = measurement->bend;
-    const int pushed = member->errors > MOTION;
-    for (int a = 0; a < (pushed ? ERRORS : MOTION); a++)
+    const int manoeuvred = member->errors > MOTION;
+    for (int a = 0; a < (manoeuvred ? ERRORS : MOTION); a++)
         for (int k = 0; k < 3; k++)
             B[k][a] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
                       g[k] * member->P[a][SCALE] + bend * member->P[a][PATH_AND_MAP + k];
-    for (int a = 0; a < ERRORS && pushed; a++)
+    for (int a = 0; a < ERRORS && manoeuvred; a++)
         for (int k = 0; k < 3; k++)
-            for (int i = 0; i < OF_THRUST; i++) B[k][a] += measurement->push[k][i] * member->P[a][THRUST + i];
+            for (int i = 0; i < OF_THRUST; i++) B[k][a] += measurement->by_thrust[k][i] * member->P[a][THRUST + i];
     for (int k = 0; k < 3; k++) {
         e[k] = measurement->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
         e[k] -= g[k] * member->x[SCALE] + bend * member->x[PATH_AND_MAP + k];
-        for (int i = 0; i < OF_THRUST && pushed; i++) e[k] -= measurement->push[k][i] * member->x[THRUST + i];
+        for (int i = 0; i < OF_THRUST && manoeuvred; i++) e[k] -= measurement->by_thrust[k][i] * member->x[THRUST + i];
         for (int j = 0; j < 3; j++) {
             L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][PATH_AND_MAP + k] + measurement->noise[k][j];
             for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[j][OFFSET + i] - late[k][i] * B[j][3 + i];
-            for (int i = 0; i < OF_THRUST && pushed; i++) L[3 * k + j] += measurement->push[k][i] * B[j][THRUST + i];
+            for (int i = 0; i < OF_THRUST && manoeuvred; i++) L[3 * k + j] += measurement->by_thrust[k][i] * B[j][THRUST + i];
         }
     }
     return factored(3, L);

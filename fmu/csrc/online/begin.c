@@ -45,7 +45,7 @@ static int is_better_first(const Online *filter, const Frame *frame) {
 typedef struct {
     double x[6], P[6][6], weight[STEADY], density;
     double squares, freedom, sightings, trend, terms;
-    double pushed, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
+    double manoeuvred, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
 } Path;
 
 /* The path as it is known now; 0 where that is not to be trusted. */
@@ -63,7 +63,7 @@ static int known_path(const Online *filter, Path *path) {
     for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
     path->density = filter->density;
     path->squares = filter->squares, path->freedom = filter->freedom, path->sightings = filter->sightings;
-    path->trend = filter->trend, path->terms = filter->terms, path->pushed = filter->pushed;
+    path->trend = filter->trend, path->terms = filter->terms, path->manoeuvred = filter->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {
         path->thrust[a] = filter->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) path->of_thrust[a][b] = filter->of_thrust[a][b];
@@ -93,7 +93,7 @@ static void resume_path(Online *filter, const Path *path) {
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
     filter->density = path->density;
     filter->squares = path->squares, filter->freedom = path->freedom, filter->sightings = path->sightings;
-    filter->trend = path->trend, filter->terms = path->terms, filter->pushed = path->pushed;
+    filter->trend = path->trend, filter->terms = path->terms, filter->manoeuvred = path->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {
         filter->thrust[a] = path->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = path->of_thrust[a][b];

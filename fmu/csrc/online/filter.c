@@ -2,7 +2,7 @@
 
 static int size_of(const Online *filter) { return FEATURES + 3 * (int)filter->used; }
 
-/* (r, v) and its transition matrix F from one time to another, without a push of the chaser. */
+/* (r, v) and its transition matrix F from one time to another, without a manoeuvre of the chaser. */
 static void propagate(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
     if (options->on_orbit != 0.0) {
         relative_step(begin, end, options->elements, x, F);
@@ -39,8 +39,8 @@ static void append_transition(Transition *transition, const Transition *by) {
     for (int i = 0; i < 6; i++) {
         transition->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
         for (int k = 0; k < OF_THRUST; k++) {
-            transition->push[i][k] = by->push[i][k];
-            for (int j = 0; j < 6; j++) transition->push[i][k] += by->F[i][j] * before.push[j][k];
+            transition->by_thrust[i][k] = by->by_thrust[i][k];
+            for (int j = 0; j < 6; j++) transition->by_thrust[i][k] += by->F[i][j] * before.by_thrust[j][k];
         }
     }
     transition->span += by->span;
@@ -57,7 +57,7 @@ static int steps_between(const OnlineOptions *options, double begin, double end)
 
 /* What has moved the chaser, (r, v), goes on, and so does what an acceleration a in C, m/s2, adds: it acts in a straight line, and
    on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth of T2 are due. */
-static void push_on(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6]) {
+static void displacement_by(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6]) {
     double any = 0.0;
     for (int k = 0; k < 6; k++) any += fabs(moved[k]) + fabs(a[k % 3]);
     if (any == 0.0) return;
@@ -80,7 +80,7 @@ static Transition transition_since(const Online *filter) {
     Transition transition = filter->transition;
     for (int i = 0; i < 6; i++) {
         transition.step[i] = filter->x[i] - (dot(transition.F[i], filter->from) + dot(&transition.F[i][3], &filter->from[3]));
-        for (int k = 0; k < OF_THRUST && filter->pushed != 0.0; k++) transition.step[i] -= transition.push[i][k] * filter->thrust[k];
+        for (int k = 0; k < OF_THRUST && filter->manoeuvred != 0.0; k++) transition.step[i] -= transition.by_thrust[i][k] * filter->thrust[k];
     }
     return transition;
 }
@@ -137,25 +137,25 @@ static Transition transition_of_node(const Online *filter) {
     return transition;
 }
 
-/* (r, v) and what is known go on by one step, at the end of which there is a push, or NULL; the transition is without its step. */
-static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Posterior *posterior, Transition *transition) {
+/* (r, v) and what is known go on by one step, at the end of which there is a manoeuvre, or NULL; the transition is without its step. */
+static void step_on(const Online *filter, double begin, double end, const Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
     propagate(&filter->options, begin, end, x, transition->F);
-    if (push) pushed_by(filter, push, x, transition->push);
+    if (manoeuvre) add_manoeuvre(filter, manoeuvre, x, transition->by_thrust);
     if (posterior) propagate_posterior(posterior, transition);
 }
 
-/* The state at a later time, until which pushes have moved the chaser; the covariances follow where the noise's would no longer
+/* The state at a later time, until which manoeuvres have moved the chaser; the covariances follow where the noise's would no longer
    be that of a straight line. */
-static void advance(Online *filter, double end, const Push *push) {
+static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
     int count = steps_between(&filter->options, filter->time, end);
     double begin = filter->time, T = (end - begin) / count;
-    if (is_push(push)) heed_thrust(filter);
+    if (is_manoeuvre(manoeuvre)) heed_thrust(filter);
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
+        step_on(filter, from, last ? end : from + T, last ? manoeuvre : NULL, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
     }

@@ -40,13 +40,13 @@ typedef struct {
 
 /* How the target turns about the mean time of a node: rate and acceleration in C, with the covariance of the rate, and the
    drift of the map's centre of mass from the predicted one. If `since` is not 0, `before` is the mean rate since the node
-   before, that long ago, and acceleration the rate's change from then. spread: mean square of the frames' times. push: of what
+   before, that long ago, and acceleration the rate's change from then. spread: mean square of the frames' times. by_thrust: of what
    thrusters are wrong by in r, the mean over the frames. */
 typedef struct {
     double spread;
     double rate[3], acceleration[3], drift[3], covariance[3][3];
     double before[3], since;
-    double push[3][OF_THRUST];
+    double by_thrust[3][OF_THRUST];
 } Sweep;
 
 /* What a node says of a member's errors: c is r - lag v + offset + scale, with matrices for v and offset, which is in B, and
@@ -54,7 +54,7 @@ typedef struct {
    turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. */
 typedef struct {
     double bend;
-    double push[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
+    double by_thrust[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
     /* Of offset, in B, and scale since the node before, as other features are seen: the covariance, and how what is known of them

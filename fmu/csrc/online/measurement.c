@@ -217,13 +217,13 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
         for (int b = 0; b < 3; b++) found[a][b] += dot(T[a], A[b]);
 }
 
-/* While the chaser is pushed, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
-static void push_of_node(const Online *filter, const Sweep *sweep, double lag, Measurement *measurement) {
-    if (filter->pushed == 0.0) return;
+/* While the chaser manoeuvres, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
+static void thrust_of_node(const Online *filter, const Sweep *sweep, double lag, Measurement *measurement) {
+    if (filter->manoeuvred == 0.0) return;
     const Transition transition = transition_of_node(filter);
     for (int a = 0; a < 3; a++)
         for (int k = 0; k < OF_THRUST; k++)
-            measurement->push[a][k] = sweep->push[a][k] - (transition.push[a][k] - lag * transition.push[3 + a][k]);
+            measurement->by_thrust[a][k] = sweep->by_thrust[a][k] - (transition.by_thrust[a][k] - lag * transition.by_thrust[3 + a][k]);
 }
 
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */
@@ -275,7 +275,7 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
     turned(pose->R, T);
     add_congruent(swept[0], sweep->covariance, measurement->noise);
     add_congruent(swept[1], sweep->covariance, measurement->turn);
-    push_of_node(filter, sweep, lag, measurement);
+    thrust_of_node(filter, sweep, lag, measurement);
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++) {
             measurement->turn[a][b] += T[a][b];
@@ -283,7 +283,7 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
         }
         measurement->turn[a][a] += square_of_camera(filter);
         measurement->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(measurement->lag[a], &filter->x[3]);
-        for (int k = 0; k < OF_THRUST; k++) measurement->c[a] += measurement->push[a][k] * filter->thrust[k];
+        for (int k = 0; k < OF_THRUST; k++) measurement->c[a] += measurement->by_thrust[a][k] * filter->thrust[k];
     }
 }
 

@@ -32,7 +32,7 @@ static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, double x[
 /* After a node: what the bank says of the thrusters. */
 static void learn_thrust(Online *filter) {
     double x[ERRORS], P[ERRORS][ERRORS];
-    if (filter->pushed == 0.0) return;
+    if (filter->manoeuvred == 0.0) return;
     mixed(filter->bank, ANY, x, P);
     for (int a = 0; a < OF_THRUST; a++) {
         filter->thrust[a] = filter->bank[SHADOW].x[THRUST + a] += x[THRUST + a];

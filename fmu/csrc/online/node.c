@@ -51,10 +51,10 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
         solved(6, pose->factor, column);
         node->variance += column[3 + k] / 3.0;
     }
-    if (filter->pushed != 0.0) {
+    if (filter->manoeuvred != 0.0) {
         const Transition transition = transition_of_node(filter);
         for (int k = 0; k < 3; k++)
-            for (int j = 0; j < OF_THRUST; j++) node->push[k][j] += transition.push[k][j];
+            for (int j = 0; j < OF_THRUST; j++) node->by_thrust[k][j] += transition.by_thrust[k][j];
     }
     for (int i = 0; i < frame->count; i++) {
         int s = 0;
@@ -159,7 +159,7 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
     double spread = node->squares - mean * node->times, since = node->begin + mean - filter->turned, turn[3];
     *sweep = (Sweep){.spread = fmax(spread, 0.0) / node->count};
     for (int a = 0; a < 3; a++)
-        for (int k = 0; k < OF_THRUST; k++) sweep->push[a][k] = node->push[a][k] / node->count;
+        for (int k = 0; k < OF_THRUST; k++) sweep->by_thrust[a][k] = node->by_thrust[a][k] / node->count;
     if (!(spread > 0.0)) return;
     double angle = angle_between(R, filter->R, turn);
     if (tumble->known != 0.0) {

@@ -117,16 +117,16 @@ static double place_deviation(const Online *filter, const OnlineTumble *tumble, 
     Ahead ahead;
     double P[6][6], square = 0.0;
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, &none);
+    manoeuvre_ahead(filter, &ahead, time, &none);
     claim(filter, &ahead.posterior, P);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
     return sqrt(square);
 }
 
-/* Take a frame, until which pushes have moved the chaser since the last one. */
+/* Take a frame, until which manoeuvres have moved the chaser since the last one. */
 static int take_frame(Online *filter, double time, int count, const long long *names, const double *points,
-                      const double *covariances, const Push *push) {
+                      const double *covariances, const Manoeuvre *manoeuvre) {
     Frame frame;
     Pose pose;
     Path path;
@@ -146,7 +146,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     }
     int fits = is_expected(filter, &frame, &predicted, &pose);
     if (!fits) keep_posterior(filter);
-    advance(filter, time, push);
+    advance(filter, time, manoeuvre);
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
         return ACCEPTED;
@@ -188,9 +188,9 @@ static int take_frame(Online *filter, double time, int count, const long long *n
 
 int online_update(Online *filter, double time, int count, const long long *names, const double *points,
                   const double *covariances, const OnlineThrust *thrust) {
-    Push push = {0};
+    Manoeuvre manoeuvre = {0};
     if (!is_thrust(thrust)) return BAD_ACCELERATION;
-    copy(thrust->axes, push.axes);
-    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, thrust->acceleration, push.moved);
-    return take_frame(filter, time, count, names, points, covariances, &push);
+    copy(thrust->axes, manoeuvre.axes);
+    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) displacement_by(&filter->options, filter->time, time, thrust->acceleration, manoeuvre.moved);
+    return take_frame(filter, time, count, names, points, covariances, &manoeuvre);
 }

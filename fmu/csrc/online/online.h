@@ -117,7 +117,7 @@ typedef struct {
     double count, begin, times, squares, used;
     double R[3][3], turn[3], turn_times[3]; /* first attitude, sums of rotation vectors in C from it */
     double drift[3], drift_times[3];        /* of the map from the predicted centre of mass */
-    double push[3][OF_THRUST];              /* of what thrusters are wrong by in r, since the node before */
+    double by_thrust[3][OF_THRUST];              /* of what thrusters are wrong by in r, since the node before */
     double variance;                        /* of an attitude, rad2 per axis */
     double residuals, freedom;
     Sum seen[MOST_FEATURES];
@@ -145,20 +145,20 @@ typedef struct {
     double pending;        /* 1: the large filter has not jumped */
 } Jump;
 
-/* What moves the path in span s: x is step + F x + push e, e being what the thrusters are wrong by. */
+/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. */
 typedef struct {
-    double span, step[6], F[6][6], push[6][OF_THRUST];
+    double span, step[6], F[6][6], by_thrust[6][OF_THRUST];
 } Transition;
 
 /* By what an acceleration has moved the chaser, (r, v) in C, and the axes in which its thrusters are fixed, R_C_D. */
 typedef struct {
     double moved[6], axes[3][3];
-} Push;
+} Manoeuvre;
 
 /* A node as the bank was given it, and the transition to it. */
 typedef struct {
     Transition transition;
-    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], bend; /* see Measurement */
+    double c[3], lag[3][3], offset[3][3], scale[3], by_thrust[3][OF_THRUST], bend; /* see Measurement */
     double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */
@@ -222,7 +222,7 @@ typedef struct {
     double x[6];                       /* r, v at `time` */
     double from[6]; /* r, v at the time of the covariances */
     Transition transition; /* since then, but for its step */
-    double pushed;  /* 1: the chaser was, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
+    double manoeuvred;  /* 1: the chaser was, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
     double thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
     double widest;        /* variance of the offset before the first frame, m2 */
     double first_attitude; /* variance of the attitude that the first frame shows by itself, rad2 */

@@ -106,7 +106,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement, M);
     if (taken && !take_measurement(bank, &measurement, M, filter->widest)) propagated_bank(filter, &transition, bank);
-    for (int m = 0; m < MEMBERS && filter->pushed != 0.0; m++)
+    for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);
     posterior->seems = seeming_part(filter, posterior);

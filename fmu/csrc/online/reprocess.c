@@ -15,7 +15,7 @@ static void keep(Online *filter, const Measurement *measurement, const double mo
         copy(measurement->noise, stored->noise), copy(measurement->turn, stored->turn), copy(measurement->both, stored->both);
         for (int k = 0; k < 3; k++) stored->c[k] = measurement->c[k], stored->scale[k] = measurement->scale[k];
         for (int a = 0; a < 3; a++)
-            for (int k = 0; k < OF_THRUST; k++) stored->push[a][k] = measurement->push[a][k];
+            for (int k = 0; k < OF_THRUST; k++) stored->by_thrust[a][k] = measurement->by_thrust[a][k];
         for (int a = 0; a < OF_MAP; a++) {
             stored->moved[a] = moved[a];
             for (int b = 0; b < OF_MAP; b++) stored->change[a][b] = measurement->change[a][b], stored->follow[a][b] = measurement->follow[a][b];
@@ -44,7 +44,7 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
     add_arc(measurement->turn, spread, more);
     for (int a = 0; a < 3; a++) {
         measurement->c[a] = stored->c[a], measurement->scale[a] = stored->scale[a];
-        for (int k = 0; k < OF_THRUST; k++) measurement->push[a][k] = stored->push[a][k];
+        for (int k = 0; k < OF_THRUST; k++) measurement->by_thrust[a][k] = stored->by_thrust[a][k];
         for (int b = 0; b < 3; b++) measurement->noise[a][b] = stored->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
     }
 }

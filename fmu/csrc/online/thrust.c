@@ -1,5 +1,5 @@
 /* What the chaser's thrusters are wrong by: a scale s and a rotation vector m in their axes D, so that an acceleration a that is
-told is (1 + s) exp([R_C_D m]x) a in truth. Each member of the bank estimates both with its path, from the first push on: thrust that
+told is (1 + s) exp([R_C_D m]x) a in truth. Each member of the bank estimates both with its path, from the first manoeuvre on: thrust that
 turns with the chaser round a target that turns too is wrong by what looks like an offset in the body, so that path, offset and
 thrusters are known together or not at all. The large filter goes by what the bank said at the last node, and takes the rest for
 noise, and so does its shadow: what the one knows more than the other is as true as before. But that is the same in each node: of
@@ -34,9 +34,9 @@ static void pack_member(const Member *member, PackedMember *to) {
     while (row < to->P + PAIRS) *row++ = 0.0;
 }
 
-static int is_push(const Push *push) {
+static int is_manoeuvre(const Manoeuvre *manoeuvre) {
     for (int i = 0; i < 6; i++)
-        if (push->moved[i] != 0.0) return 1;
+        if (manoeuvre->moved[i] != 0.0) return 1;
     return 0;
 }
 
@@ -61,13 +61,13 @@ static void truly_moved(const double wrong[OF_THRUST], const double axes[3][3], 
     }
 }
 
-/* The chaser is pushed: (r, v) goes to where the filter takes the thrusters for; with what errors of these, beyond that, add. */
-static void pushed_by(const Online *filter, const Push *push, double x[6], double errors[6][OF_THRUST]) {
+/* The chaser manoeuvres: (r, v) goes to where the filter takes the thrusters for; with what errors of these, beyond that, add. */
+static void add_manoeuvre(const Online *filter, const Manoeuvre *manoeuvre, double x[6], double errors[6][OF_THRUST]) {
     for (int half = 0; half < 6; half += 3) {
         double moved[3];
-        truly_moved(filter->thrust, push->axes, &push->moved[half], moved, &errors[half]);
+        truly_moved(filter->thrust, manoeuvre->axes, &manoeuvre->moved[half], moved, &errors[half]);
         for (int i = 0; i < 3; i++) {
-            x[half + i] -= filter->options.thrust == 0.0 ? push->moved[half + i] : moved[i];
+            x[half + i] -= filter->options.thrust == 0.0 ? manoeuvre->moved[half + i] : moved[i];
             for (int k = 0; k < OF_THRUST; k++) errors[half + i][k] = filter->options.thrust == 0.0 ? 0.0 : -errors[half + i][k];
         }
     }
@@ -75,24 +75,24 @@ static void pushed_by(const Online *filter, const Push *push, double x[6], doubl
 
 /* The covariance of (r, v) by that of what thrusters are wrong by, beyond what the filter goes by; added. */
 static void add_thrust(const Online *filter, const Transition *transition, double *P, int stride) {
-    if (filter->pushed == 0.0) return;
+    if (filter->manoeuvred == 0.0) return;
     for (int i = 0; i < 6; i++) {
         double row[OF_THRUST] = {0.0};
         for (int a = 0; a < OF_THRUST; a++)
-            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_FLIGHT * transition->push[i][a] * filter->of_thrust[a][b];
+            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_FLIGHT * transition->by_thrust[i][a] * filter->of_thrust[a][b];
         for (int j = 0; j < 6; j++)
-            for (int b = 0; b < OF_THRUST; b++) P[i * stride + j] += row[b] * transition->push[j][b];
+            for (int b = 0; b < OF_THRUST; b++) P[i * stride + j] += row[b] * transition->by_thrust[j][b];
     }
 }
 
 /* The covariance of what a node says by that, which the large filter and its shadow do not know otherwise; added. */
 static void add_thrust_of_node(const Online *filter, const Measurement *measurement, double found[3][3]) {
-    if (filter->pushed == 0.0) return;
+    if (filter->manoeuvred == 0.0) return;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             for (int a = 0; a < OF_THRUST; a++)
                 for (int b = 0; b < OF_THRUST; b++)
-                    found[i][j] += NODES_OF_A_FLIGHT * measurement->push[i][a] * filter->of_thrust[a][b] * measurement->push[j][b];
+                    found[i][j] += NODES_OF_A_FLIGHT * measurement->by_thrust[i][a] * filter->of_thrust[a][b] * measurement->by_thrust[j][b];
 }
 
 /* Of thrusters that nothing has told of yet. */
@@ -102,11 +102,11 @@ static void begin_thrust(const OnlineOptions *options, Posterior *posterior) {
     for (int a = THRUST; a < ERRORS; a++) posterior->wider[a][a] = options->thrust * options->thrust;
 }
 
-/* A first push: from now on it matters what thrusters are wrong by. */
+/* A first manoeuvre: from now on it matters what thrusters are wrong by. */
 static void heed_thrust(Online *filter) {
     const double variance = filter->options.thrust * filter->options.thrust;
-    if (!(variance > 0.0) || filter->pushed != 0.0) return;
-    filter->pushed = 1.0;
+    if (!(variance > 0.0) || filter->manoeuvred != 0.0) return;
+    filter->manoeuvred = 1.0;
     begin_thrust(&filter->options, &filter->posterior);
     for (int a = 0; a < OF_THRUST; a++) filter->of_thrust[a][a] = variance;
     for (int m = 0; m <= SHADOW + 1; m++) {
@@ -140,9 +140,9 @@ static void follow_path_and_map(const double before[PATH_AND_MAP], double S[PATH
 }
 
 /* Thrusters may be better than told, and be exact, their scale and their pointing each by itself (Gates 1963 has them apart): parts of
-   the told deviation, and how likely each is before they push. What is told is likeliest: before pushes show more a claim is to
+   the told deviation, and how likely each is before they fire. What is told is likeliest: before manoeuvres show more a claim is to
    be hardly narrower, by a factor of 0.84. And it never is less likely than one in four against all others: errors of the size of
-   what pushes can tell are of no grade, and pass for none at first; with the told grade a claim allows for them. */
+   what manoeuvres can tell are of no grade, and pass for none at first; with the told grade a claim allows for them. */
 #define LEAST_TOLD 0.25
 enum { GRADES = 4 };
 static const double GRADE[GRADES] = {1.0, 0.1, 0.01, 0.0};
