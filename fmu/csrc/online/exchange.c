@@ -66,7 +66,7 @@ static void rename_both(Online *filter, int f, int g) {
     long long name = filter->feature[f].name, other = filter->feature[g].name;
     filter->feature[f].name = other, filter->feature[g].name = name;
     for (int s = 0; s < (int)filter->node.used; s++) {
-        Sum *sum = &filter->node.seen[s];
+        FeatureSums *sum = &filter->node.seen[s];
         sum->name = sum->name == name ? other : sum->name == other ? name : sum->name;
     }
 }

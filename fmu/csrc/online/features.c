@@ -121,7 +121,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = a == b ? sum + ROUNDING * sum : sum;
         }
     filter->feature[slot] = (Feature){.name = frame->name[i], .last = filter->time};
-    filter->series[slot] = (Series){.last = 0.0};
+    filter->series[slot] = (ResidualBlocks){.last = 0.0};
     inform(&filter->feature[slot], frame, i, arm, R, V);
 }
 

@@ -11,7 +11,7 @@ and of B, as errors may be slow in either. */
 #define OTHERWISE 1.2   /* ratio from which on what is known is put right */
 
 /* z is the residual of a feature in standard deviations, along C and B. */
-static void add_residual(Lasting *lasting, Series *series, double sightings, double z[2][3]) {
+static void add_residual(Lasting *lasting, ResidualBlocks *series, double sightings, double z[2][3]) {
     double sum[2][3];
     for (int a = 0; a < 2; a++)
         for (int k = 0; k < 3; k++) sum[a][k] = z[a][k];
@@ -31,7 +31,7 @@ static void add_residual(Lasting *lasting, Series *series, double sightings, dou
 }
 
 /* Blocks that are shorter than a gap in the sightings do not go on after it. */
-static void drop_halves(Series *series, double gap) {
+static void drop_halves(ResidualBlocks *series, double gap) {
     for (int j = 0; j < SCALES && (1 << j) <= gap; j++) {
         series->waits[j] = 0.0;
         for (int a = 0; a < 2; a++)
@@ -44,7 +44,7 @@ static void note_residuals(Online *filter, const Frame *frame, const Pose *pose)
     for (int i = 0; i < frame->count; i++) {
         double arm[3], e[3], We[3], L[9], z[2][3];
         if (!frame->fits[i]) continue;
-        Series *series = &filter->series[frame->slot[i]];
+        ResidualBlocks *series = &filter->series[frame->slot[i]];
         drop_halves(series, filter->frames - series->last - 1.0);
         series->last = filter->frames;
         residual(filter, frame, pose, i, arm, e, We);
@@ -110,12 +110,12 @@ static void put_right(Online *filter, double factor) {
     Tumble *tumble = &filter->tumble;
     for (int k = 0; k < (int)tumble->kept; k++) scale_block(tumble->attitude[k].noise[0], 9, factor);
     scale_block(tumble->P[0], SPIN * SPIN, factor);
-    for (int c = 0; c < COURSES; c++) {
-        Course *course = &tumble->course[c];
-        scale_block(course->N, 64, 1.0 / factor), scale_block(course->rhs, 8, 1.0 / factor);
+    for (int c = 0; c < REFERENCES; c++) {
+        ReferenceTumble *reference = &tumble->reference[c];
+        scale_block(reference->N, 64, 1.0 / factor), scale_block(reference->rhs, 8, 1.0 / factor);
         for (int m = 0; m < TORQUES; m++) {
-            scale_block(course->error[m].P[0], SPIN * SPIN, factor);
-            course->error[m].weight /= factor;
+            scale_block(reference->error[m].P[0], SPIN * SPIN, factor);
+            reference->error[m].weight /= factor;
         }
     }
 }

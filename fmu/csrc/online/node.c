@@ -7,7 +7,7 @@
 #define WIDEST 0.5  /* rad, enough for both */
 
 /* Whether a point that is in no map is where it was seen before in this node; if it mostly is not, it begins anew. */
-static int is_same(Sum *sum, const Frame *frame, int i, const Pose *pose) {
+static int is_same(FeatureSums *sum, const Frame *frame, int i, const Pose *pose) {
     double arm[3], place[3], off[3], e[3], We[3], K[3][3], T[3][3], S[3][3], W[3][3], n = sum->count;
     for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - pose->c[k];
     transposed_times(pose->R, arm, place);
@@ -23,7 +23,7 @@ static int is_same(Sum *sum, const Frame *frame, int i, const Pose *pose) {
         times(S, e, We);
         if (dot(e, We) > GATE) {
             if (++sum->strangers < n) return 0;
-            *sum = (Sum){.name = sum->name};
+            *sum = (FeatureSums){.name = sum->name};
             n = 0.0;
         }
     }
@@ -62,11 +62,11 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
         while (s < (int)node->used && node->seen[s].name != frame->name[i]) s++;
         if (s == MOST_FEATURES) continue;
         if (s == (int)node->used) {
-            node->seen[s] = (Sum){0};
+            node->seen[s] = (FeatureSums){0};
             node->seen[s].name = frame->name[i];
             node->used += 1.0;
         }
-        Sum *sum = &node->seen[s];
+        FeatureSums *sum = &node->seen[s];
         if (frame->slot[i] < 0 && !is_same(sum, frame, i, pose)) continue;
         sum->count += 1.0, sum->times += t, sum->squares += t * t, sum->cubes += t * t * t;
         for (int a = 0; a < 3; a++) {
@@ -103,7 +103,7 @@ static void find_rate(const Node *node, double mean, double limit, Sweep *sweep)
     double N[36] = {0}, rhs[6] = {0}, spread = node->squares - node->times * mean, since = sweep->since;
     const double *before = sweep->before, *swing = sweep->acceleration;
     for (int i = 0; i < (int)node->used; i++) {
-        const Sum *sum = &node->seen[i];
+        const FeatureSums *sum = &node->seen[i];
         double at = sum->times / sum->count, own = sum->squares - sum->times * at, later = at - mean;
         double noise[3][3], W[3][3], arm[3], K[3][3], WK[3][3], z[3], Wz[3], known[3], turned[3];
         if (!(own > 0.0)) continue;
@@ -175,7 +175,7 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
 }
 
 /* When a feature of the node was seen, and how the target turned since the node's mean time. */
-static Passage passage_of(const Node *node, const Sum *sum, double mean, const Sweep *sweep) {
+static Passage passage_of(const Node *node, const FeatureSums *sum, double mean, const Sweep *sweep) {
     double W[3][3], W2[3][3], W3[3][3], A[3][3], at = sum->times / sum->count, n = sum->count;
     double square = sum->squares / n - 2.0 * mean * at + mean * mean;
     double fine = 1e-9 * (fabs(at) + fabs(mean)), later = fabs(at - mean) > fine ? at - mean : 0.0;
@@ -204,7 +204,7 @@ static double as_frame(const Online *filter, const OnlineTumble *tumble, const d
     find_sweep(filter, tumble, mean, R, sweep);
     frame->count = (int)node->used;
     for (int i = 0; i < frame->count; i++) {
-        const Sum *sum = &node->seen[i];
+        const FeatureSums *sum = &node->seen[i];
         Passage *passage = &frame->passage[i];
         double arm[3], there[3], K[3][3], S[3][3], more[3][3];
         *passage = passage_of(node, sum, mean, sweep);

@@ -53,14 +53,14 @@ enum {
     PATH_AND_MAP = SCALE + 1,
     OF_MAP = PATH_AND_MAP - OFFSET, /* of these, what is of the map: offset and scale */
     MOTION = PATH_AND_MAP + 3, /* of one whose path bends: its acceleration, too */
-    THRUST = MOTION,    /* once the chaser was pushed: what its thrusters are wrong by, a scale and a rotation vector in their axes */
+    THRUST = MOTION,    /* once the chaser has manoeuvred: what its thrusters are wrong by, a scale and a rotation vector in their axes */
     OF_THRUST = 4,
     ERRORS = THRUST + OF_THRUST,
     PAIRS = ERRORS * (ERRORS + 1) / 2,
     N_ELEMENTS = 7,
     SPIN = 11,     /* errors of a tumble: a rotation vector in C, rate in B, coefficients of the inertia */
     TORQUES = 10,  /* densities of white torque */
-    COURSES = 2,   /* of the tumble: free, and under the gravity gradient */
+    REFERENCES = 2,   /* of the tumble: free, and under the gravity gradient */
     ATTITUDES = 32 /* that are kept until it is known */
 };
 
@@ -95,7 +95,7 @@ typedef struct {
 /* Sums of a feature's residuals over blocks that wait for their other halves, along C and B; and the number of its last frame. */
 typedef struct {
     double half[SCALES][2][3], waits[SCALES], last;
-} Series;
+} ResidualBlocks;
 
 /* Of all features: how many blocks there were, and their squared sums over the numbers of sightings. */
 typedef struct {
@@ -110,7 +110,7 @@ typedef struct {
     double place[3];                     /* mean, in B, of a feature that is not in the map yet */
     double strangers;                    /* sightings of such a one that are not there */
     double noise[3][3];
-} Sum;
+} FeatureSums;
 
 /* Frames that are taken as one, from `begin` on: until the target has turned far beyond the noise of its attitude. */
 typedef struct {
@@ -120,7 +120,7 @@ typedef struct {
     double by_thrust[3][OF_THRUST];              /* of what thrusters are wrong by in r, since the node before */
     double variance;                        /* of an attitude, rad2 per axis */
     double residuals, freedom;
-    Sum seen[MOST_FEATURES];
+    FeatureSums seen[MOST_FEATURES];
 } Node;
 
 typedef struct {
@@ -190,7 +190,7 @@ typedef struct {
     double impulse[3][5]; /* what a torque of unit coefficients has added to that since, in C */
     Spin spin;
     SpinError error[TORQUES];
-} Course;
+} ReferenceTumble;
 
 /* Of a node, R_C_B, and its covariance as a rotation vector in C. */
 typedef struct {
@@ -203,8 +203,8 @@ typedef struct {
     double kept, skip, waits;      /* attitudes, nodes left out after each, and nodes till the next one */
     Attitude attitude[ATTITUDES];
     double misfit;                 /* running mean square of the innovations, 1 if all is well */
-    Course course[COURSES];
-    Spin spin;                     /* after the last node, of the likeliest course, with the mean of all errors taken from it */
+    ReferenceTumble reference[REFERENCES];
+    Spin spin;                     /* after the last node, of the likeliest reference, with the mean of all errors taken from it */
     double P[SPIN][SPIN], torque;  /* their covariance, and the mean density */
 } Tumble;
 
@@ -222,7 +222,7 @@ typedef struct {
     double x[6];                       /* r, v at `time` */
     double from[6]; /* r, v at the time of the covariances */
     Transition transition; /* since then, but for its step */
-    double manoeuvred;  /* 1: the chaser was, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
+    double manoeuvred; /* 1: the chaser has, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
     double thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
     double widest;        /* variance of the offset before the first frame, m2 */
     double first_attitude; /* variance of the attitude that the first frame shows by itself, rad2 */
@@ -237,7 +237,7 @@ typedef struct {
     double used;             /* features */
     Node node;
     Feature feature[MOST_FEATURES];
-    Series series[MOST_FEATURES];
+    ResidualBlocks series[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     double share[MOST_FEATURES][OF_MAP][3]; /* of a feature's error, in B, in the offset that the last node saw, and in the scale */
     PackedMember bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */

@@ -1,9 +1,9 @@
 /* The tumble: attitude, rate and inertia ratios from the attitudes of the nodes.
 
-   It is free or, on an orbit, may be under the gravity gradient: two courses. Over the first turn, least squares for
-   the inertia and the angular momentum in C, R J R' w = L, from the rate between nodes, finds a course. Then Kalman filters
+   It is free or, on an orbit, may be under the gravity gradient: two references. Over the first turn, least squares for
+   the inertia and the angular momentum in C, R J R' w = L, from the rate between nodes, finds a reference. Then Kalman filters
    of what its attitude, rate and inertia are wrong by, one for each density of white torque, take all nodes: first those that
-   are kept, linear about the course, and from there on one after the other, after each of which the course goes to their
+   are kept, linear about the reference, and from there on one after the other, after each of which the reference goes to their
    mean. They are weighed by their likelihoods and, before the first node, by the root of their density: it is uniform. If the
    attitudes do not fit, all begins again. */
 
@@ -14,21 +14,21 @@
 #define IMPOSSIBLE (-100.0)
 enum { FEWEST_PAIRS = 12, MEMORY = 16, TO_AND_FRO = 2 };
 
-static int course_count(const OnlineOptions *options) { return options->on_orbit != 0.0 ? 2 : 1; }
+static int reference_count(const OnlineOptions *options) { return options->on_orbit != 0.0 ? 2 : 1; }
 
 static void forget_tumble(Tumble *tumble) { *tumble = (Tumble){0}; }
 
 /* The map was turned by `turn`, in B. */
 static void turn_tumble(Tumble *tumble, const OnlineOptions *options, const double turn[3]) {
     for (int k = 0; k < (int)tumble->kept; k++) turn_axes(turn, tumble->attitude[k].R);
-    for (int c = 0; c < course_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->course[c].spin, turn);
+    for (int c = 0; c < reference_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->reference[c].spin, turn);
 }
 
 /* ---- the first estimate ---- */
 
-/* What a pair of nodes says to a course: the rate w in C from one to the other, T s, at the attitude `middle`; axis: of the
+/* What a pair of nodes says to a reference: the rate w in C from one to the other, T s, at the attitude `middle`; axis: of the
    gravity gradient, zero if that does not act. */
-static void add_to_course(Course *course, const double middle[3][3], const double w[3], const double axis[3], double T,
+static void add_to_reference(ReferenceTumble *reference, const double middle[3][3], const double w[3], const double axis[3], double T,
                           double weight) {
     double body[3], up[3], A[3][8], target[3];
     transposed_times(middle, w, body);
@@ -41,8 +41,8 @@ static void add_to_course(Course *course, const double middle[3][3], const doubl
         cross(up, moved, pulled);
         times(middle, pulled, torque);
         for (int a = 0; a < 3; a++) {
-            A[a][k] = column[a] - course->impulse[a][k] - 0.5 * T * torque[a];
-            course->impulse[a][k] += T * torque[a];
+            A[a][k] = column[a] - reference->impulse[a][k] - 0.5 * T * torque[a];
+            reference->impulse[a][k] += T * torque[a];
         }
     }
     for (int a = 0; a < 3; a++) {
@@ -51,8 +51,8 @@ static void add_to_course(Course *course, const double middle[3][3], const doubl
     }
     for (int i = 0; i < 8; i++) {
         for (int j = 0; j < 8; j++)
-            for (int a = 0; a < 3; a++) course->N[8 * i + j] += weight * A[a][i] * A[a][j];
-        for (int a = 0; a < 3; a++) course->rhs[i] += weight * A[a][i] * target[a];
+            for (int a = 0; a < 3; a++) reference->N[8 * i + j] += weight * A[a][i] * A[a][j];
+        for (int a = 0; a < 3; a++) reference->rhs[i] += weight * A[a][i] * target[a];
     }
 }
 
@@ -65,9 +65,9 @@ static void add_pair(Tumble *tumble, const OnlineOptions *options, const double 
     gravity_gradient(options, end - 0.5 * T, axis);
     int far = angle > 1.0; /* over a gap the mean rate says little */
     double weight = far ? 0.0 : 4.5 * T * T / variance; /* J is a third, and both ends are noisy */
-    for (int c = 0; c < course_count(options); c++) {
-        tumble->course[c].spin.gradient = c;
-        add_to_course(&tumble->course[c], middle, w, c ? axis : NOTHING[0], T, weight);
+    for (int c = 0; c < reference_count(options); c++) {
+        tumble->reference[c].spin.gradient = c;
+        add_to_reference(&tumble->reference[c], middle, w, c ? axis : NOTHING[0], T, weight);
     }
     if (far) return;
     tumble->pairs += 1.0;
@@ -86,19 +86,19 @@ static void keep_attitude(Tumble *tumble, const Attitude *attitude) {
     tumble->kept += 1.0, tumble->waits = tumble->skip + 1.0;
 }
 
-/* The course through the first attitude by least squares; 0 as long as it is not known well enough. */
-static int first_spin(Course *course, const double R[3][3]) {
-    double N[64], x[8], J[3][3], inverse[3][3], L[3], square = 0.0, *w = course->spin.w;
-    for (int k = 0; k < 64; k++) N[k] = course->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
-    for (int k = 0; k < 8; k++) x[k] = course->rhs[k];
+/* The reference through the first attitude by least squares; 0 as long as it is not known well enough. */
+static int first_spin(ReferenceTumble *reference, const double R[3][3]) {
+    double N[64], x[8], J[3][3], inverse[3][3], L[3], square = 0.0, *w = reference->spin.w;
+    for (int k = 0; k < 64; k++) N[k] = reference->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
+    for (int k = 0; k < 8; k++) x[k] = reference->rhs[k];
     if (!factored(8, N)) return 0;
     solved(8, N, x);
     inertia_of(x, J);
     if (!possible(J) || !inverted(J, inverse)) return 0;
-    quaternion_of(R, course->spin.q);
+    quaternion_of(R, reference->spin.q);
     transposed_times(R, &x[5], L);
     times(inverse, L, w);
-    for (int k = 0; k < 5; k++) course->spin.j[k] = x[k];
+    for (int k = 0; k < 5; k++) reference->spin.j[k] = x[k];
     /* J dw = R' dL - dJ w */
     for (int a = 0; a < 3; a++) {
         double row[8], solution[8];
@@ -117,93 +117,93 @@ static int first_spin(Course *course, const double R[3][3]) {
 
 /* ---- the filters ---- */
 
-static int best_error(const Course *course) {
+static int best_error(const ReferenceTumble *reference) {
     int best = 0;
     for (int m = 1; m < TORQUES; m++)
-        if (course->error[m].weight > course->error[best].weight) best = m;
+        if (reference->error[m].weight > reference->error[best].weight) best = m;
     return best;
 }
 
-static int best_course(const Tumble *tumble, int count) {
+static int best_reference(const Tumble *tumble, int count) {
     int best = 0;
     for (int c = 1; c < count; c++)
-        if (tumble->course[c].error[best_error(&tumble->course[c])].weight >
-            tumble->course[best].error[best_error(&tumble->course[best])].weight)
+        if (tumble->reference[c].error[best_error(&tumble->reference[c])].weight >
+            tumble->reference[best].error[best_error(&tumble->reference[best])].weight)
             best = c;
     return best;
 }
 
 /* Take the attitude of a node, T s after the last one; returns the weighted square of the likeliest innovation. */
-static double follow_course(Course *course, const OnlineOptions *options, double begin, double T, const double R[3][3],
+static double follow_reference(ReferenceTumble *reference, const OnlineOptions *options, double begin, double T, const double R[3][3],
                             const double noise[3][3]) {
     double F[6][SPIN], Q[6][6], predicted[3][3], turn[3], squares[TORQUES];
-    if (!spin_on(options, &course->spin, begin, T, F, Q)) return INFINITY;
-    matrix_of(course->spin.q, predicted);
+    if (!spin_on(options, &reference->spin, begin, T, F, Q)) return INFINITY;
+    matrix_of(reference->spin.q, predicted);
     angle_between(R, predicted, turn);
-    int best = best_error(course);
+    int best = best_error(reference);
     for (int m = 0; m < TORQUES; m++) {
-        error_on(&course->error[m], F, Q, TORQUE[m]);
-        squares[m] = update_error(&course->error[m], turn, noise);
+        error_on(&reference->error[m], F, Q, TORQUE[m]);
+        squares[m] = update_error(&reference->error[m], turn, noise);
     }
     return squares[best];
 }
 
-static void refuse_impossible(Course *course) {
+static void refuse_impossible(ReferenceTumble *reference) {
     for (int m = 0; m < TORQUES; m++) {
         double j[5], J[3][3];
-        for (int k = 0; k < 5; k++) j[k] = course->spin.j[k] + course->error[m].x[6 + k];
+        for (int k = 0; k < 5; k++) j[k] = reference->spin.j[k] + reference->error[m].x[6 + k];
         inertia_of(j, J);
-        if (!possible(J)) course->error[m].weight += IMPOSSIBLE;
+        if (!possible(J)) reference->error[m].weight += IMPOSSIBLE;
     }
 }
 
-/* Weights against the best; what is unlikely goes on from the best of its course, or from the best course. */
+/* Weights against the best; what is unlikely goes on from the best of its reference, or from the best reference. */
 static void weigh_errors(Tumble *tumble, int count) {
-    int first = best_course(tumble, count), most = best_error(&tumble->course[first]);
-    const SpinError best = tumble->course[first].error[most];
+    int first = best_reference(tumble, count), most = best_error(&tumble->reference[first]);
+    const SpinError best = tumble->reference[first].error[most];
     for (int c = 0; c < count; c++) {
-        Course *course = &tumble->course[c];
-        SpinError own = course->error[best_error(course)];
+        ReferenceTumble *reference = &tumble->reference[c];
+        SpinError own = reference->error[best_error(reference)];
         if (!(own.weight - best.weight > UNLIKELY)) {
             own = best;
-            course->spin = tumble->course[first].spin;
-            course->spin.gradient = c;
-            for (int m = 0; m < TORQUES; m++) course->error[m].weight = -INFINITY;
+            reference->spin = tumble->reference[first].spin;
+            reference->spin.gradient = c;
+            for (int m = 0; m < TORQUES; m++) reference->error[m].weight = -INFINITY;
         }
         for (int m = 0; m < TORQUES; m++) {
-            double weight = course->error[m].weight - best.weight;
-            if (!(weight > UNLIKELY)) course->error[m] = own, weight = UNLIKELY;
-            course->error[m].weight = weight;
+            double weight = reference->error[m].weight - best.weight;
+            if (!(weight > UNLIKELY)) reference->error[m] = own, weight = UNLIKELY;
+            reference->error[m].weight = weight;
         }
     }
 }
 
-/* Every course goes to the mean of its filters. */
-static void centre_course(Course *course) {
-    double mean[SPIN] = {0}, sum = 0.0, highest = course->error[best_error(course)].weight;
+/* Every reference goes to the mean of its filters. */
+static void centre_reference(ReferenceTumble *reference) {
+    double mean[SPIN] = {0}, sum = 0.0, highest = reference->error[best_error(reference)].weight;
     for (int m = 0; m < TORQUES; m++) {
-        double share = exp(course->error[m].weight - highest);
+        double share = exp(reference->error[m].weight - highest);
         sum += share;
-        for (int a = 0; a < SPIN; a++) mean[a] += share * course->error[m].x[a];
+        for (int a = 0; a < SPIN; a++) mean[a] += share * reference->error[m].x[a];
     }
     for (int a = 0; a < SPIN; a++) mean[a] /= sum;
     for (int m = 0; m < TORQUES; m++)
-        for (int a = 0; a < SPIN; a++) course->error[m].x[a] -= mean[a];
-    correct_spin(&course->spin, mean);
+        for (int a = 0; a < SPIN; a++) reference->error[m].x[a] -= mean[a];
+    correct_spin(&reference->spin, mean);
 }
 
 /* The mean of all filters, their covariance, and the mean density of torque but of those that are as good as refuted. */
 static void sum_up(Tumble *tumble, int count) {
-    int first = best_course(tumble, count);
-    double apart[COURSES][SPIN], mean[SPIN] = {0}, sum = 0.0, torque = 0.0;
-    tumble->spin = tumble->course[first].spin;
+    int first = best_reference(tumble, count);
+    double apart[REFERENCES][SPIN], mean[SPIN] = {0}, sum = 0.0, torque = 0.0;
+    tumble->spin = tumble->reference[first].spin;
     for (int c = 0; c < count; c++) {
-        spin_between(&tumble->course[c].spin, &tumble->spin, apart[c]);
+        spin_between(&tumble->reference[c].spin, &tumble->spin, apart[c]);
         for (int m = 0; m < TORQUES; m++) {
-            double share = exp(tumble->course[c].error[m].weight);
+            double share = exp(tumble->reference[c].error[m].weight);
             sum += share;
-            if (tumble->course[c].error[m].weight > UNLIKELY) torque += share * TORQUE[m];
-            for (int a = 0; a < SPIN; a++) mean[a] += share * (apart[c][a] + tumble->course[c].error[m].x[a]);
+            if (tumble->reference[c].error[m].weight > UNLIKELY) torque += share * TORQUE[m];
+            for (int a = 0; a < SPIN; a++) mean[a] += share * (apart[c][a] + tumble->reference[c].error[m].x[a]);
         }
     }
     for (int a = 0; a < SPIN; a++) {
@@ -212,7 +212,7 @@ static void sum_up(Tumble *tumble, int count) {
     }
     for (int c = 0; c < count; c++)
         for (int m = 0; m < TORQUES; m++) {
-            const SpinError *error = &tumble->course[c].error[m];
+            const SpinError *error = &tumble->reference[c].error[m];
             double share = exp(error->weight) / sum, off[SPIN];
             for (int a = 0; a < SPIN; a++) off[a] = apart[c][a] + error->x[a] - mean[a];
             for (int a = 0; a < SPIN; a++)
@@ -222,66 +222,66 @@ static void sum_up(Tumble *tumble, int count) {
     tumble->torque = torque / sum;
 }
 
-/* The filters of a course take the attitudes that are kept, from the first on, and the last one; rate and inertia are known no
+/* The filters of a reference take the attitudes that are kept, from the first on, and the last one; rate and inertia are known no
    better than before them. 0 if that is too far. */
 static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
-    Course *course = &tumble->course[c];
+    ReferenceTumble *reference = &tumble->reference[c];
     const Attitude *first = &tumble->attitude[0];
-    double square = dot(course->spin.w, course->spin.w), off[3], predicted[3][3];
-    matrix_of(course->spin.q, predicted);
+    double square = dot(reference->spin.w, reference->spin.w), off[3], predicted[3][3];
+    matrix_of(reference->spin.q, predicted);
     angle_between(first->R, predicted, off);
     for (int m = 0; m < TORQUES; m++) {
-        SpinError *error = &course->error[m];
+        SpinError *error = &reference->error[m];
         *error = (SpinError){.weight = 0.5 * log(TORQUE[m])};
         for (int a = 0; a < 3; a++) {
             for (int b = 0; b < 3; b++) error->P[a][b] = first->noise[a][b];
             error->x[a] = off[a];
             error->P[3 + a][3 + a] = square;
         }
-        for (int k = 0; k < 5; k++) error->P[6 + k][6 + k] = SPHERE * SPHERE, error->x[6 + k] = -course->spin.j[k];
+        for (int k = 0; k < 5; k++) error->P[6 + k][6 + k] = SPHERE * SPHERE, error->x[6 + k] = -reference->spin.j[k];
     }
     double begin = first->time;
     for (int k = 1; begin < last->time; k++) {
         const Attitude *next = k < (int)tumble->kept ? &tumble->attitude[k] : last;
-        if (!(follow_course(course, options, begin, next->time - begin, next->R, next->noise) < INFINITY)) return 0;
+        if (!(follow_reference(reference, options, begin, next->time - begin, next->R, next->noise) < INFINITY)) return 0;
         begin = next->time;
     }
     return 1;
 }
 
-/* Begin with a course: by least squares, which the filters make better as they go to and fro. */
-static int start_course(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
-    Course *course = &tumble->course[c];
-    if (!first_spin(course, tumble->attitude[0].R)) return 0;
+/* Begin with a reference: by least squares, which the filters make better as they go to and fro. */
+static int start_reference(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
+    ReferenceTumble *reference = &tumble->reference[c];
+    if (!first_spin(reference, tumble->attitude[0].R)) return 0;
     for (int round = 0; round < TO_AND_FRO; round++) {
-        Spin before = course->spin;
+        Spin before = reference->spin;
         double F[6][SPIN], Q[6][6], J[3][3], back = tumble->attitude[0].time - last->time;
         if (!take_kept(tumble, c, options, last)) return 0;
-        centre_course(course);
-        inertia_of(course->spin.j, J);
-        if (!possible(J) || !spin_on(options, &course->spin, last->time, back, F, Q)) {
-            course->spin = before;
+        centre_reference(reference);
+        inertia_of(reference->spin.j, J);
+        if (!possible(J) || !spin_on(options, &reference->spin, last->time, back, F, Q)) {
+            reference->spin = before;
             break;
         }
     }
     if (!take_kept(tumble, c, options, last)) return 0;
-    refuse_impossible(course);
+    refuse_impossible(reference);
     return 1;
 }
 
 static void start_filters(Tumble *tumble, const OnlineOptions *options, const Attitude *last) {
-    int count = course_count(options), begun = 0, fails[COURSES] = {0};
+    int count = reference_count(options), begun = 0, fails[REFERENCES] = {0};
     if (tumble->turned < WHOLE_TURN || tumble->pairs < FEWEST_PAIRS) return;
     for (int c = 0; c < count; c++) {
-        fails[c] = !start_course(tumble, c, options, last);
+        fails[c] = !start_reference(tumble, c, options, last);
         begun += !fails[c];
     }
     if (begun == 0) return;
     for (int c = 0; c < count; c++)
         for (int m = 0; m < TORQUES; m++)
-            if (fails[c]) tumble->course[c].error[m].weight = -INFINITY;
+            if (fails[c]) tumble->reference[c].error[m].weight = -INFINITY;
     weigh_errors(tumble, count);
-    for (int c = 0; c < count; c++) centre_course(&tumble->course[c]);
+    for (int c = 0; c < count; c++) centre_reference(&tumble->reference[c]);
     sum_up(tumble, count);
     tumble->known = 1.0, tumble->kept = 0.0;
     tumble->misfit = 1.0;
@@ -290,8 +290,8 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
 /* Take the attitude of a node: R, `turn` from the one `before`, from `begin` to `end`. */
 static void follow(Tumble *tumble, const OnlineOptions *options, double begin, double end, const double before[3][3],
                    const double turn[3], const double R[3][3], const double noise[3][3]) {
-    double squares[COURSES], J[3][3];
-    int count = course_count(options);
+    double squares[REFERENCES], J[3][3];
+    int count = reference_count(options);
     if (tumble->known == 0.0) {
         add_pair(tumble, options, before, turn, end - begin, end, (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0);
         Attitude last = {.time = end};
@@ -300,17 +300,17 @@ static void follow(Tumble *tumble, const OnlineOptions *options, double begin, d
         start_filters(tumble, options, &last);
         return;
     }
-    int best = best_course(tumble, count);
+    int best = best_reference(tumble, count);
     for (int c = 0; c < count; c++) {
-        squares[c] = follow_course(&tumble->course[c], options, begin, end - begin, R, noise);
+        squares[c] = follow_reference(&tumble->reference[c], options, begin, end - begin, R, noise);
         if (!(squares[c] < INFINITY)) {
             forget_tumble(tumble);
             return;
         }
-        refuse_impossible(&tumble->course[c]);
+        refuse_impossible(&tumble->reference[c]);
     }
     weigh_errors(tumble, count);
-    for (int c = 0; c < count; c++) centre_course(&tumble->course[c]);
+    for (int c = 0; c < count; c++) centre_reference(&tumble->reference[c]);
     sum_up(tumble, count);
     tumble->misfit += (squares[best] / 3.0 - tumble->misfit) / MEMORY;
     inertia_of(tumble->spin.j, J);
