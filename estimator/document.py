@@ -130,6 +130,7 @@ class FindingPart(Part):
         "unknown-burn",
         "wrong-sigma",
         "changing-noise",
+        "depth-noise",
         "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
@@ -173,6 +174,8 @@ class FindingPart(Part):
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
     begins: tuple[float, ...] | None = Field(None, description="changing-noise: begins of the parts, s")
     deviations: tuple[float, ...] | None = Field(None, description="changing-noise: of a coordinate in each part, m")
+    across: float | None = Field(None, description="depth-noise: deviation of a coordinate across the line of sight, m")
+    along: float | None = Field(None, description="depth-noise: the same along it, m")
     reason: str | None = Field(
         None, description="free-attitudes: why ml or ekf tells no tumble, in words; not to be parsed"
     )

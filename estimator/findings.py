@@ -172,6 +172,17 @@ class ChangingNoise:
 
 
 @dataclass(frozen=True)
+class DepthNoise:
+    """Noise has another deviation of a coordinate `along` the line of sight than `across` it, m; at the mean range.
+
+    Every observation is weighed by that.
+    """
+
+    across: float
+    along: float
+
+
+@dataclass(frozen=True)
 class FreeAttitudes:
     """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
 
@@ -193,6 +204,7 @@ Finding = (
     | UnknownBurn
     | WrongSigma
     | ChangingNoise
+    | DepthNoise
     | FreeAttitudes
 )
 UNCHECKED = FewFrames | FollowsRotation | Extrapolated

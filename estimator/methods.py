@@ -11,7 +11,7 @@ from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
-from baryscope.estimator.noise.following import with_noise_of_time
+from baryscope.estimator.noise.following import with_noise_as_shown
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
@@ -51,7 +51,7 @@ class Method:
         def fit(own: FeatureTracks, told: Options) -> Estimate:
             return self.run(own, orbit, told, progress)
 
-        found = with_noise_of_time(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
+        found = with_noise_as_shown(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
         found = claimed(considered(found, tracks))
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))

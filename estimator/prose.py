@@ -11,6 +11,7 @@ from baryscope.estimator.findings import (
     FREE_TUMBLE,
     ChangingNoise,
     Departure,
+    DepthNoise,
     DifferentPoints,
     EstimatedOrbit,
     ExcessResiduals,
@@ -126,6 +127,11 @@ def sentence(finding: Finding) -> str:
             then = ", ".join(f"{size:.2g} m from {moment:.1f} s on" for moment, size in later)
             return (
                 f"the noise changes: {finding.deviations[0]:.2g} m at first, {then}; every frame is weighed by its own"
+            )
+        case DepthNoise():
+            return (
+                f"depths have a noise of {finding.along:.2g} m, places across the line of sight one of "
+                f"{finding.across:.2g} m, which nothing told; every observation is weighed by that"
             )
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.registration.screening import distances_off
+from baryscope.estimator.registration.screening import distances_between
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -41,7 +41,8 @@ def noise_parts(position: FloatArray, seen: BoolArray) -> tuple[Part, ...]:
 
     seen (n, m). There are none either where distances change by more than noise could.
     """
-    off, typical = distances_off(position, seen)
+    distances = distances_between(position, seen)
+    off = np.abs(distances.off)
     shown = np.flatnonzero(np.isfinite(off).sum(axis=1) > 0)
     count = min(BLOCKS, len(shown) // LEAST_BLOCK)
     if off.shape[1] < LEAST_PAIRS or count < 2 * LEAST_BLOCKS:
@@ -55,7 +56,7 @@ def noise_parts(position: FloatArray, seen: BoolArray) -> tuple[Part, ...]:
         return ()
     ends = [0, *(int(blocks[cut][0]) for cut in cuts), len(position)]
     parts = tuple(Part(a, b, _deviation(off[a:b], 0.5)) for a, b in pairwise(ends))
-    size = float(np.sqrt(np.mean(typical**2)))
+    size = float(np.sqrt(np.mean(distances.typical**2)))
     return () if max(one.deviation for one in parts) > BODY * size else parts
 
 

@@ -1,8 +1,11 @@
-"""Estimates whose noise follows time, where that of the tracks changes so much that it passes for outliers.
+"""Estimates whose noise follows time and the line of sight, of tracks without covariances.
 
 Markers on skin are quiet while a subject stands still: with one noise for the whole recording, the motion is rejected,
 but for what happens to fit. Here every frame is weighed by the noise of its part. How long errors last may change with
 their size, too: what the whole recording tells of it is too little for a part in which they last.
+
+A stereo rig knows depths worse than places across the line of sight: with one noise for all axes an estimate is less
+good than it could be, and its claim too small along the line of sight. Here every observation gets a covariance.
 """
 
 from collections.abc import Callable
@@ -14,9 +17,10 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
 from baryscope.estimator.adjustment.lasting_errors import OF_A_POSE
 from baryscope.estimator.claims import widened
-from baryscope.estimator.findings import ChangingNoise
+from baryscope.estimator.findings import ChangingNoise, DepthNoise, Finding
 from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.noise.changes import Part, noise_parts
+from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Estimate
@@ -31,59 +35,73 @@ MANY = 0.03  # share of a part's observations that are rejected, from which its 
 MORE = 3.0  # times the share in the quietest part
 
 
-def with_noise_of_time(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> Estimate:
-    """The estimate by a fit, with the noise of each part of the tracks where one noise rejects what a part shows.
+def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> Estimate:
+    """The estimate by a fit, with the noise of each part of the tracks where one noise rejects what a part shows, and
+    with that of depths where it is another than across the line of sight.
 
-    Tracks with covariances tell their noise by themselves. A sigma is not used where the noise changes.
+    Tracks with covariances tell their noise by themselves. A sigma is not used where the noise changes or has axes.
 
     Raises:
         ComputationError: the tracks do not determine the unknowns.
     """
     plain = with_credible_sigma(lambda told: fit(tracks, told), options)
-    shown = tracks.seen.sum(axis=1)
-    rejected = shown - (plain.used & ~plain.rejected).sum(axis=1)
-    if tracks.covariance is not None or rejected.sum() <= FEW * shown.sum():
+    if tracks.covariance is not None:
         return plain
-    parts = noise_parts(tracks.position, tracks.seen)
-    shares = [_sum(rejected, part) / max(_sum(shown, part), 1.0) for part in parts]
-    quietest = min(range(len(parts)), key=lambda index: parts[index].deviation, default=0)
-    if not parts or max(shares) < max(MANY, MORE * shares[quietest]):
+    parts, ratio = _rejecting_parts(plain, tracks), depth_ratio(tracks.position, plain.used & ~plain.rejected)
+    if not parts and ratio is None:
         return plain
-    deviation = np.concatenate([np.full(part.end - part.begin, part.deviation) for part in parts])
-    covariance = deviation[:, None, None, None] ** 2 * np.eye(3)
-    weighed = replace(tracks, covariance=np.broadcast_to(covariance, (*tracks.position.shape, 3)).copy())
+    deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
+    for part in parts:
+        deviation[part.begin : part.end] = part.deviation
+    covariance = np.broadcast_to(np.eye(3), (*tracks.position.shape, 3))
+    if ratio is not None:
+        place = np.where(np.isfinite(plain.residuals), tracks.position - plain.residuals, tracks.position)
+        covariance = ratio.covariance(place)
+    weighed = replace(tracks, covariance=deviation[:, None, None, None] ** 2 * covariance)
     try:
         found = fit(weighed, replace(options, sigma=None))
     except ComputationError:
         return plain
-    return _claimed(found, plain, parts, deviation)
+    return _claimed(found, plain, weighed, parts, ratio)
 
 
-def _claimed(found: Estimate, plain: Estimate, parts: tuple[Part, ...], deviation: FloatArray) -> Estimate:
-    """The estimate with the noise of each part, as one of the tracks of the plain one, with what it may claim.
+def _rejecting_parts(plain: Estimate, tracks: FeatureTracks) -> tuple[Part, ...]:
+    """The parts with noise of their own, where one noise rejects what one of them shows; else none."""
+    shown = tracks.seen.sum(axis=1)
+    rejected = shown - (plain.used & ~plain.rejected).sum(axis=1)
+    if rejected.sum() <= FEW * shown.sum():
+        return ()
+    parts = noise_parts(tracks.position, tracks.seen)
+    shares = [_sum(rejected, part) / max(_sum(shown, part), 1.0) for part in parts]
+    quietest = min(range(len(parts)), key=lambda index: parts[index].deviation, default=0)
+    return parts if parts and max(shares) >= max(MANY, MORE * shares[quietest]) else ()
 
-    deviation (n,): of a coordinate in each frame, m.
-    """
+
+def _claimed(
+    found: Estimate, plain: Estimate, weighed: FeatureTracks, parts: tuple[Part, ...], ratio: DepthRatio | None
+) -> Estimate:
+    """The estimate of weighed tracks, as one of the tracks of the plain one, with what it may claim."""
     kept = found.used & ~found.rejected & np.isfinite(found.residuals[..., 0])
-    scale = 1.0
-    if found.noise.relative:
-        scale = float(np.sqrt(np.mean(np.repeat(deviation, kept.sum(axis=1)) ** 2))) if kept.any() else 1.0
-    lasting = max(found.noise.lasting, *(_lasting(found, kept, part) for part in parts))
-    size = found.noise.a_posteriori if found.noise.relative else 1.0
-    begins = tuple(float(found.time[part.begin]) for part in parts)
-    finding = ChangingNoise(begins, tuple(size * part.deviation for part in parts))
+    size, scale = (found.noise.a_posteriori if found.noise.relative else 1.0), 1.0
+    if found.noise.relative and kept.any():
+        assert weighed.covariance is not None  # noqa: S101  as its caller has made it
+        scale = float(np.sqrt(np.mean(np.trace(weighed.covariance[kept], axis1=1, axis2=2)) / 3))
+    deviation = scale * found.noise.a_posteriori
+    lasting = max(found.noise.lasting, *(_lasting(found, kept, part) for part in parts), 0.0)
+    findings: list[Finding] = []
+    if parts:
+        begins = tuple(float(found.time[part.begin]) for part in parts)
+        findings.append(ChangingNoise(begins, tuple(size * part.deviation for part in parts)))
+    if ratio is not None:
+        findings.append(DepthNoise(*ratio.deviations(deviation)))
     wider = widened(found, Widening(lasting / found.noise.lasting))
     return replace(
         wider,
         options=plain.options,
         noise=replace(
-            found.noise,
-            a_priori=plain.noise.a_priori,
-            a_posteriori=scale * found.noise.a_posteriori,
-            relative=False,
-            lasting=lasting,
+            found.noise, a_priori=plain.noise.a_priori, a_posteriori=deviation, relative=False, lasting=lasting
         ),
-        findings=(*found.findings, finding),
+        findings=(*found.findings, *findings),
         wall_time=plain.wall_time + found.wall_time,
     )
 

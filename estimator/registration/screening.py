@@ -55,11 +55,20 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
     return inliers
 
 
-def distances_off(position: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """By how much the distances of pairs of features are off their typical ones, (n, k), and these, (k,), in m.
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Pairs of features (k, 2) with a typical distance (k,), m, and by how much each frame's is off, (n, k), m.
 
-    position (n, m, 3) in m; seen (n, m). Of pairs with a typical distance; NaN where not both are seen.
+    off: NaN where not both are seen.
     """
+
+    pairs: NDArray[np.intp]
+    typical: FloatArray
+    off: FloatArray
+
+
+def distances_between(position: FloatArray, seen: BoolArray) -> Distances:
+    """The distances between features at positions (n, m, 3) in m; seen (n, m)."""
     pairs = _pairs(seen.shape[1])
     rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
     typical, _ = _typical_distances(_Seen.of(position, seen, None, rows), pairs, 0.0)
@@ -69,8 +78,8 @@ def distances_off(position: FloatArray, seen: BoolArray) -> tuple[FloatArray, Fl
     for part in _chunks(len(seen), len(pairs)):
         distance = _Seen.of(position, seen, None, part).distances(pairs)[0]
         both = seen[part][:, pairs[:, 0]] & seen[part][:, pairs[:, 1]]
-        off[part] = np.where(both, np.abs(distance - typical), np.nan)
-    return off, typical
+        off[part] = np.where(both, distance - typical, np.nan)
+    return Distances(pairs, typical, off)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ import pytest
 from baryscope.estimator.findings import (
     ChangingNoise,
     Departure,
+    DepthNoise,
     DifferentPoints,
     EstimatedOrbit,
     ExcessResiduals,
@@ -90,6 +91,11 @@ def test_verdict_names_a_skew_axis():
         (
             ChangingNoise((0.0, 9.62), (0.0003, 0.00312)),
             "the noise changes: 0.0003 m at first, 0.0031 m from 9.6 s on; every frame is weighed by its own",
+        ),
+        (
+            DepthNoise(0.00127, 0.0071),
+            "depths have a noise of 0.0071 m, places across the line of sight one of 0.0013 m, which nothing told; "
+            "every observation is weighed by that",
         ),
         (
             FreeAttitudes("the steps to a tumble do not converge"),

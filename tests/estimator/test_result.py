@@ -5,6 +5,7 @@ import pytest
 
 from baryscope.estimator.findings import (
     ChangingNoise,
+    DepthNoise,
     DifferentPoints,
     ExcessResiduals,
     Extrapolated,
@@ -45,7 +46,8 @@ def test_status_is_the_most_severe_defect():
     hidden = (a_cluster([0.01, 0.02, 4.0]),)
     misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
     assert an_estimate().status is Status.GOOD
-    for remark in (DifferentPoints(("a",), (0, 1)), WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03))):
+    noises = (WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03)), DepthNoise(0.01, 0.05))
+    for remark in (DifferentPoints(("a",), (0, 1)), *noises):
         assert an_estimate(findings=(remark,)).status is Status.GOOD
     assert an_estimate(clusters=hidden).status is Status.NOT_OBSERVABLE
     for misfit in misfits:

@@ -1,0 +1,145 @@
+"""How much noisier depths are than the places across the line of sight, as the distances between features tell.
+
+A stereo rig, or any camera, knows the depth worse than the place in the image. Where its tracks come without
+covariances, the noise of a distance tells by how much, without any pose: for a pair of features whose connection has
+the cosine c with the line of sight its variance is k (1 − c² + ρ² c²), ρ the ratio of the deviations along and across,
+k the pair's own. The likelihood is that of Student's distribution, in which outliers count for little, and its maximum
+over the k is sought with ρ. As pairs share features, and frames that follow one another may share errors, the ratio of
+the likelihoods with ρ and without counts for as much less as the derivatives by ρ, summed over blocks of frames,
+scatter more than they would if all distances were independent (Chandler and Bate 2007, Biometrika 94).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.registration.screening import distances_between
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+SAMPLE = 1000  # frames that are looked at, at most
+MOST_PAIRS = 40
+DOF = 4.0  # of Student's distribution
+ROUNDS = 60
+MOST_STEP, STEADY = 1.0, 1e-3  # of ln ρ²: the longest step, and what needs no further one
+GREATEST = 8.0  # |ln ρ²|
+BLOCKS, LEAST_BLOCKS = 24, 6
+CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
+RATIO = 1.25  # ρ, below which it is no matter
+ROUNDING, BODY = 1e-9, 0.1  # of a typical distance: what is less is no noise, what is more changes it
+
+
+@dataclass(frozen=True)
+class DepthRatio:
+    """ratio: deviation along the line of sight over that across it; of_rig: they grow with the range as those of a
+    stereo rig, at whose mean `distance`, m, the ratio holds.
+    """
+
+    ratio: float
+    of_rig: bool
+    distance: float
+
+    def deviations(self, deviation: float) -> tuple[float, float]:
+        """Those across and along the line of sight, m, for an rms deviation of a coordinate, m."""
+        across = deviation * float(np.sqrt(3 / (2 + self.ratio**2)))
+        return across, self.ratio * across
+
+    def covariance(self, place: FloatArray) -> FloatArray:
+        """The covariance (n, m, 3, 3) of observations at places (n, m, 3), with an rms deviation of 1 of a coordinate.
+
+        place: in C, m, with the rig at the origin, NaN where nothing is seen, which gets that of no direction.
+        """
+        distance = np.linalg.norm(place, axis=2)
+        known = np.isfinite(distance) & (distance > 0)
+        sight = np.where(known[..., None], place, 0.0) / np.where(known, distance, 1.0)[..., None]
+        growth = np.where(known, distance / self.distance, 1.0) ** 2 if self.of_rig else np.ones_like(distance)
+        own, depth = (one**2 for one in self.deviations(1.0))
+        across, along = (own * growth)[..., None, None], (depth * growth**2)[..., None, None]
+        outer = sight[..., :, None] * sight[..., None, :]
+        return np.asarray(across * np.eye(3) + (along - across) * outer)
+
+
+def depth_ratio(position: FloatArray, seen: BoolArray) -> DepthRatio | None:
+    """How much noisier, or better, depths are, of positions (n, m, 3) in C, m; None if it is no matter, or chance.
+
+    seen (n, m). The rig is at the origin of C.
+    """
+    rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
+    distances = distances_between(position[rows], seen[rows])
+    few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
+    off = distances.off[:, few]
+    both = np.isfinite(off)
+    noise = np.sqrt(np.sum(np.where(both, off, 0.0) ** 2, axis=0) / np.maximum(both.sum(axis=0), 1))
+    kept = (noise > ROUNDING * distances.typical[few]) & (noise < BODY * distances.typical[few])
+    blocks = min(BLOCKS, len(rows) // 2)
+    if not kept.any() or blocks < LEAST_BLOCKS:
+        return None
+    i, j = distances.pairs[few][kept].T
+    off, both = off[:, kept], both[:, kept]
+    shown = np.where(seen[rows][..., None], position[rows], 0.0)
+    apart, middle = shown[:, i] - shown[:, j], (shown[:, i] + shown[:, j]) / 2
+    distance = np.linalg.norm(middle, axis=2)
+    size = np.maximum(np.linalg.norm(apart, axis=2) * distance, 1e-300)
+    cosine = np.einsum("nki,nki->nk", apart, middle) / size
+    mean = float(distance[both].mean())
+    growth = np.where(both, distance / mean, 1.0) ** 2
+    off = np.where(both, off, 0.0)
+    laws = [((1 - cosine**2) * one, (cosine * one) ** 2) for one in (np.ones_like(growth), growth)]
+    fits = [_Fit.of(off, both, *law) for law in laws]
+    best = 1 if fits[1].likelihood > fits[0].likelihood else 0
+    log_ratio = fits[best].log_ratio
+    if abs(log_ratio) < 2 * np.log(RATIO):
+        return None
+    equal = _Fit.of(off, both, *laws[best], free=False)
+    gained = 2 * (fits[best].likelihood - equal.likelihood) / max(1.0, equal.dependence(blocks))
+    return None if gained < CHANCE**2 else DepthRatio(float(np.exp(log_ratio / 2)), best == 1, mean)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The maximum of the likelihood: ln ρ², and the logarithm of the likelihood there.
+
+    scores (n,): of each frame, the derivative of that logarithm by ln ρ²; information: the expectation of its square,
+    for all frames, if all distances are independent.
+    """
+
+    log_ratio: float
+    likelihood: float
+    scores: FloatArray
+    information: float
+
+    @classmethod
+    def of(
+        cls, off: FloatArray, both: BoolArray, across: FloatArray, along: FloatArray, *, free: bool = True
+    ) -> "_Fit":
+        """That of distances off by (n, k) m where both (n, k), with variances k_p (across + ρ² along).
+
+        free: whether ρ is sought, else it is 1.
+        """
+        count, log_ratio = both.sum(axis=0), 0.0
+        scale, mean = (off**2).sum(axis=0) / count, np.zeros(off.shape[1])
+        for _ in range(ROUNDS):
+            shape = np.where(both, across + np.exp(log_ratio) * along, 1.0)
+            square = (off - mean) ** 2
+            weight = np.where(both, (DOF + 1) / (DOF + square / (scale * shape)), 0.0)
+            before, scale = scale, np.maximum((weight * square / shape).sum(axis=0) / count, 1e-300)
+            mean = (weight * off / shape).sum(axis=0) / (weight / shape).sum(axis=0)
+            slope = np.where(both, np.exp(log_ratio) * along / shape, 0.0)  # of the variance's logarithm
+            slope = np.where(both, slope - slope.sum(axis=0) / count, 0.0)  # with the scale that fits it
+            scores = 0.5 * (slope * (weight * square / (scale * shape) - 1)).sum(axis=1)
+            information = 0.5 * DOF / (DOF + 3) * float((slope**2).sum())
+            step = float(np.clip(scores.sum() / max(information, 1e-300), -MOST_STEP, MOST_STEP)) if free else 0.0
+            moved = float(np.clip(log_ratio + step, -GREATEST, GREATEST))
+            steady = max(abs(moved - log_ratio), float(np.abs(np.log(scale / before)).max())) < STEADY
+            log_ratio = moved
+            if steady:
+                break
+        logarithm = np.log(scale * shape) + (DOF + 1) * np.log1p(square / (DOF * scale * shape))
+        return cls(log_ratio, -0.5 * float(logarithm[both].sum()), scores, information)
+
+    def dependence(self, blocks: int) -> float:
+        """The variance of the scores, summed over so many blocks of frames, over that of independent distances."""
+        sums = np.array([part.sum() for part in np.array_split(self.scores, blocks)])
+        return float(blocks * np.var(sums, ddof=1)) / max(self.information, 1e-300)

@@ -1,0 +1,113 @@
+"""Noise that is another along the line of sight than across it, of tracks that come without covariances."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from baryscope.estimator import FeatureTracks, PathOptions, estimate
+from baryscope.estimator.findings import DepthNoise
+from baryscope.estimator.noise.depth import depth_ratio
+from baryscope.estimator.result import Status
+
+TIME = np.arange(300.0)
+ACROSS, RATIO = 0.004, 5.0
+CENTRE = np.array([3.0, -5.0, 20.0])
+FIXED = PathOptions(trajectory="fixed")
+
+
+def seen_by_a_rig(seed, ratio=RATIO, across=ACROSS, approach=0.0, told=False):
+    """Six features about a fixed centre, turning freely as a symmetric top, with noise of a rig at the origin of C.
+
+    approach: share of the range by which the target comes nearer; across and along, noise goes with range and its
+    square, and is that of `across` and `ratio` at the mean range.
+    """
+    rng = np.random.default_rng(seed)
+    precession = Rotation.from_rotvec(0.031 * TIME[:, None] * np.array([0.3, 0.9, 0.1]))
+    R = (precession * Rotation.from_rotvec(0.05 * TIME[:, None] * np.array([0.0, 0.6, 0.8]))).as_matrix()
+    points = rng.normal(size=(6, 3)) + np.array([0.5, 0.3, -0.4])
+    true = CENTRE * (1 - approach * TIME / TIME[-1])[:, None, None] + points @ np.swapaxes(R, 1, 2)
+    distance = np.linalg.norm(true, axis=2)[..., None]
+    sight, relative = true / distance, distance / distance.mean()
+    deviation = across * relative, across * ratio * relative**2
+    outer = sight[..., :, None] * sight[..., None, :]
+    noise = deviation[0] * rng.normal(size=true.shape)
+    noise += sight * (deviation[1] * rng.normal(size=distance.shape) - np.sum(noise * sight, axis=2, keepdims=True))
+    across2, along2 = (one[..., None] ** 2 for one in deviation)
+    covariance = across2 * (np.eye(3) - outer) + along2 * outer
+    return FeatureTracks(TIME, true + noise, tuple("abcdef"), covariance if told else None)
+
+
+def normalised_square(found, centre=CENTRE):
+    error = found.position[0] - centre
+    return float(error @ np.linalg.solve(found.covariance[0], error))
+
+
+def test_what_no_covariance_tells_is_found_and_used():
+    """As good as with the covariances, to 10 %, and five standard deviations of the mean of 25 normalised squares."""
+    squares, errors = [], {True: [], False: []}
+    for seed in range(25):
+        for told in (True, False):
+            found = estimate(seen_by_a_rig(seed, told=told), options=FIXED)
+            assert found.status is Status.GOOD
+            errors[told].append(np.linalg.norm(found.position[0] - CENTRE))
+        squares.append(normalised_square(found))
+        (noise,) = found.findings
+        assert isinstance(noise, DepthNoise)
+        # 300 frames of 15 distances, whose 3 · 6 − 6 = 12 values are independent, tell ρ to 5 %: four deviations.
+        assert noise.along / noise.across == pytest.approx(RATIO, rel=0.2)
+        assert noise.across == pytest.approx(ACROSS, rel=0.2)
+        assert found.noise.a_posteriori == pytest.approx(ACROSS * np.sqrt((2 + RATIO**2) / 3), rel=0.1)
+        assert not found.noise.relative
+    assert np.sqrt(np.mean(np.square(errors[False]))) < 1.1 * np.sqrt(np.mean(np.square(errors[True])))
+    assert np.mean(squares) < 3 + 5 * np.sqrt(6 / 25)
+
+
+@pytest.mark.parametrize("method", ["ml", "ekf", "score"])
+def test_all_methods_of_a_path_use_it(method):
+    found = estimate(seen_by_a_rig(3), method=method, options=FIXED)
+    assert any(isinstance(one, DepthNoise) for one in found.findings)
+    assert normalised_square(found) < chi2.isf(1e-4, 3)
+
+
+def test_the_ratio_is_that_at_the_mean_range_of_a_target_that_comes_near():
+    tracks = seen_by_a_rig(7, approach=0.6)
+    found = depth_ratio(tracks.position, tracks.seen)
+    assert found.of_rig
+    assert found.ratio == pytest.approx(RATIO, rel=0.15)
+    assert found.distance == pytest.approx(np.linalg.norm(tracks.position, axis=2).mean(), rel=0.01)
+    told = seen_by_a_rig(7, approach=0.6, told=True).covariance
+    size = np.sqrt(np.mean(np.trace(told, axis1=2, axis2=3)) / 3)
+    ratios = np.linalg.eigvalsh(found.covariance(tracks.position))[:, 0] * size**2 / np.linalg.eigvalsh(told)[:, 0]
+    assert np.sqrt(np.median(ratios, axis=0)) == pytest.approx([1, 1, 1], rel=0.3)
+
+
+def test_a_lidar_knows_the_depth_better():
+    tracks = seen_by_a_rig(1, ratio=0.2, across=0.02)
+    assert depth_ratio(tracks.position, tracks.seen).ratio == pytest.approx(0.2, rel=0.25)
+
+
+def test_outliers_tell_nothing_of_depth():
+    tracks = seen_by_a_rig(5, ratio=1.0)
+    rng, position = np.random.default_rng(5), tracks.position.copy()
+    wrong = rng.random(position.shape[:2]) < 0.1
+    position[wrong] += 0.5 * np.array([0.0, 0.0, 1.0]) * rng.normal(size=(int(wrong.sum()), 1))
+    found = estimate(FeatureTracks(TIME, position, tracks.labels), options=FIXED)
+    assert found.findings == ()
+    assert found.rejected[wrong].mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_noise_that_is_alike_in_all_axes_is_left_as_it_is(seed):
+    """Beyond 3.5 standard deviations is 1 in 2000: of 40 tracks none, but for 1 in 50."""
+    tracks = seen_by_a_rig(100 + seed, ratio=1.0)
+    assert depth_ratio(tracks.position, tracks.seen) is None
+
+
+def test_too_few_frames_or_noise_tell_nothing():
+    tracks = seen_by_a_rig(2)
+    assert depth_ratio(tracks.position[::30], tracks.seen[::30]) is None
+    assert depth_ratio(tracks.position[:, :1], tracks.seen[:, :1]) is None
+    exact = seen_by_a_rig(2, across=1e-13)
+    assert depth_ratio(exact.position, exact.seen) is None
+    assert depth_ratio(np.full((50, 4, 3), np.nan), np.zeros((50, 4), bool)) is None
