@@ -56,7 +56,7 @@ static void make_room(Model *model)
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant manoeuvre would have the velocity of
+/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant acceleration would have the velocity of
    that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
    both are right to second order. */
 static void remember(Model *model, const double *values, const double command[3], double time, double next)
@@ -68,14 +68,14 @@ static void remember(Model *model, const double *values, const double command[3]
     now->time = next;
     memset(now->moved, 0, sizeof now->moved);
     for (int half = 0; half < 2; half++) {
-        double manoeuvre[3];
+        double acceleration[3];
         const double *arguments[] = {&moments[half], values + AT_ORBIT, command};
-        double *results[] = {manoeuvre};
+        double *results[] = {acceleration};
         if (values[AT_ON_ORBIT] != 0.0)
             unit_push(arguments, results, NULL, NULL, 0);
         else
-            memcpy(manoeuvre, command, sizeof manoeuvre);
-        displacement_by(&model->filter.options, ends[half], ends[half + 1], manoeuvre, now->moved);
+            memcpy(acceleration, command, sizeof acceleration);
+        displacement_by(&model->filter.options, ends[half], ends[half + 1], acceleration, now->moved);
     }
 }
 
