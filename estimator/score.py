@@ -26,7 +26,7 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
-from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import SpuriousInformation, spurious_information_columns
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.findings import ExcessResiduals, Finding, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -229,13 +229,11 @@ def _without_spurious_information(
     An error φ of an attitude with the covariance C adds φ × d to the frame, in the mean the information tr C − C on d,
     see `adjustment.spurious`. least: information that remains in a direction.
     """
-    k = len(inverse) - 3
-    spurious = np.zeros((k, k))
-    for index, body in enumerate(registered.bodies):
-        own = slice(3 * index, 3 * index + 3)
+    k, parts = len(inverse) - 3, []
+    for body in registered.bodies:
         of_turn = _turn_covariances(body, inliers, registered.noise).sum(axis=0)
-        information = np.trace(of_turn) * np.eye(3) - of_turn
-        spurious[own, own] = three_sigma_factor(len(body.frames)) * information
+        parts.append(SpuriousInformation.of(np.trace(of_turn) * np.eye(3) - of_turn, len(body.frames)))
+    spurious = SpuriousInformation.of_each(parts)
     of_offsets, of_centre = spurious_information_columns(inverse[:k, :k], inverse[:k, k:], spurious, least)
     columns = np.concatenate([of_offsets, of_centre])
     return np.asarray(inverse + columns @ columns.T)

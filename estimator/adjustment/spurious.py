@@ -1,10 +1,11 @@
 """Spurious information: apparent information from the noise of estimated attitudes, removed from a covariance."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
@@ -30,14 +31,36 @@ SPINNING = 0.2  # of objects, as targets that are stabilised by their spin: of t
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
-def relative_deviation(values: float) -> float:
-    """The standard deviation of a mean of squares of Gaussian values over its expectation, for the number of values."""
-    return float(np.sqrt(2 / values))
+@dataclass(frozen=True, eq=False)
+class SpuriousInformation:
+    """Spurious information on q unknowns: its mean (q, q), and its standard deviation along any direction (q, q)."""
 
+    mean: FloatArray
+    deviation: FloatArray
 
-def three_sigma_factor(values: float) -> float:
-    """The 3σ bound of such a mean over its expectation."""
-    return 1 + MARGIN * relative_deviation(values)
+    @classmethod
+    def of(cls, mean: FloatArray, values: float) -> "SpuriousInformation":
+        """That of so many Gaussian values: a mean of their squares scatters by √(2 / values) of itself."""
+        return cls(mean, float(np.sqrt(2 / values)) * mean)
+
+    @classmethod
+    def of_each(cls, parts: Iterable["SpuriousInformation"]) -> "SpuriousInformation":
+        """That on the unknowns of all parts, one after the other, each with information of its own."""
+        means, deviations = zip(*((part.mean, part.deviation) for part in parts), strict=True)
+        return cls(np.asarray(block_diag(*means)), np.asarray(block_diag(*deviations)))
+
+    @property
+    def likely(self) -> FloatArray:
+        """A bound (q, q) of it that is likely to hold, with a margin of three standard deviations."""
+        return self.mean + MARGIN * self.deviation
+
+    def __add__(self, other: "SpuriousInformation") -> "SpuriousInformation":
+        """Both, as if they scattered together."""
+        return SpuriousInformation(self.mean + other.mean, self.deviation + other.deviation)
+
+    def scaled(self, factor: float) -> "SpuriousInformation":
+        """That times a factor."""
+        return SpuriousInformation(factor * self.mean, factor * self.deviation)
 
 
 def effective_count(terms: FloatArray) -> float:
@@ -74,15 +97,10 @@ def implausible_columns(
 
 @dataclass(frozen=True, eq=False)
 class OffsetPrior:
-    """A prior on k offsets: its information (3 k, 3 k), and held (3 k, 3 k), what the estimate was held by for it.
-
-    deviation (3 k, 3 k): the standard deviation along any direction of the spurious information, of which the likely is
-    MARGIN times as much above the mean.
-    """
+    """A prior on k offsets: its information (3 k, 3 k), and held (3 k, 3 k), what the estimate was held by for it."""
 
     information: FloatArray
     held: FloatArray
-    deviation: FloatArray
 
 
 def offset_lengths(columns: FloatArray) -> FloatArray:
@@ -93,7 +111,7 @@ def offset_lengths(columns: FloatArray) -> FloatArray:
 def spurious_information_columns(
     offset: FloatArray,
     crossed: FloatArray,
-    spurious: FloatArray,
+    spurious: SpuriousInformation,
     least: float,
     prior: OffsetPrior | None = None,
     lengths: Callable[[FloatArray], FloatArray] = offset_lengths,
@@ -105,9 +123,9 @@ def spurious_information_columns(
     estimating equation, (I − S)⁻¹ I (I − S)⁻¹. With a prior P, and held by P', it is the mean over S as it may be of
     (P'²/P + I)/(I − S + P')², I of the tracks alone. It is in no direction greater than that of the least information.
 
-    offset (3 k, 3 k): covariance of k offsets; crossed (3 k, p): their covariance with the other unknowns; spurious
-    (3 k, 3 k): the information on the offsets to subtract, with a margin; least: the least information on an offset in
-    a direction; prior: that of the offsets, with which they have this covariance; lengths: columns (3 k, d) → how far
+    offset (3 k, 3 k): covariance of k offsets; crossed (3 k, p): their covariance with the other unknowns; spurious:
+    the information on the offsets to subtract; least: the least information on an offset in a direction; prior: that
+    of the offsets, with which they have this covariance; lengths: columns (3 k, d) → how far
     they displace the centre of mass, m, if the unknowns are others than offsets.
     Returns columns A of the offsets (3 k, d) and B of the other unknowns (p, d): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
@@ -117,7 +135,11 @@ def spurious_information_columns(
 
 
 def untold_decrease(
-    change: FloatArray, offset: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None = None
+    change: FloatArray,
+    offset: FloatArray,
+    spurious: SpuriousInformation,
+    least: float,
+    prior: OffsetPrior | None = None,
 ) -> float:
     """The predicted decrease of the cost by a change (3 k,) of the offsets where nothing but spurious information asks
     for it, less the square of what the change is to the covariance there.
@@ -131,7 +153,7 @@ def untold_decrease(
 
 
 def feigned_columns(
-    bodies: list[FloatArray], offset: FloatArray, crossed: FloatArray, spurious: FloatArray
+    bodies: list[FloatArray], offset: FloatArray, crossed: FloatArray, spurious: SpuriousInformation
 ) -> tuple[FloatArray, FloatArray]:
     """Columns as of `spurious_information_columns` that make offsets as uncertain as they are far, where feigned.
 
@@ -167,7 +189,7 @@ class _Directions:
     def of(
         cls,
         offset: FloatArray,
-        spurious: FloatArray,
+        spurious: SpuriousInformation,
         least: float,
         prior: OffsetPrior | None,
         lengths: Callable[[FloatArray], FloatArray] = offset_lengths,
@@ -175,14 +197,14 @@ class _Directions:
         values, axes = np.linalg.eigh((offset + offset.T) / 2)
         seen = values > RANK * values[-1]
         root = axes[:, seen] * np.sqrt(values[seen])
-        share, along = np.linalg.eigh(root.T @ spurious @ root)
+        share, along = np.linalg.eigh(root.T @ spurious.likely @ root)
         columns = root @ along
         bounded = np.minimum(lengths(columns) * np.sqrt(least), 1.0)
         if prior is None:
             return cls(columns, share, np.maximum(1 - share, bounded), 1 - share < bounded)
         known, held, deviation = (
             np.einsum("ad,ab,bd->d", columns, own, columns, optimize=True)
-            for own in (prior.information, prior.held, prior.deviation)
+            for own in (prior.information, prior.held, spurious.deviation)
         )
         least_told = np.maximum(1 - share - held, 0.0)  # of I = 1, by the tracks
         told = 1 - held - share + MARGIN * deviation
@@ -255,28 +277,18 @@ class NoisyAttitudes:
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
         return cls(every, frames, attitude, known, covariance, greatest)
 
-    def spurious_information(self) -> FloatArray:
+    def spurious_information(self) -> SpuriousInformation:
         """The spurious information (3, 3) in S on the body's offset, in the weights' units.
 
         An attitude error φ changes the offset d in C by φ × d, so that the expected information is
-        Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad².
+        Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad². It
+        scatters as that of as many frames as give most of it, which may be few: those of which little is seen.
         """
-        return self.every * turned_information(self.known, self._turned)
-
-    def likely_spurious_information(self) -> FloatArray:
-        """The same with a margin of three standard deviations."""
-        return self.spurious_information() + MARGIN * self.spurious_deviation()
-
-    def spurious_deviation(self) -> FloatArray:
-        """Its standard deviation along any direction (3, 3), that of as many frames as give most of it.
-
-        These may be few: those of which little is seen.
-        """
-        known, turned = self.known, self._turned
+        known, turned = self.known, (1 + self.greatest[:, None, None]) * self.covariance
         traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
         frames = self.every * effective_count(each)
-        return relative_deviation(max(frames, 1.0)) * self.spurious_information()
+        return SpuriousInformation.of(self.every * turned_information(known, turned), max(frames, 1.0))
 
     def of_known(self) -> "NoisyAttitudes":
         """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""
@@ -289,11 +301,6 @@ class NoisyAttitudes:
             self.covariance[kept],
             self.greatest[kept],
         )
-
-    @property
-    def _turned(self) -> FloatArray:
-        """The covariances (n, 3, 3) with the next order of φ."""
-        return np.asarray((1 + self.greatest[:, None, None]) * self.covariance)
 
     def product_gradient(self, path: SampledPath, offset: FloatArray) -> FloatArray:
         """The variance (3 + p, 3 + p) of the cost's gradient by offset and x from products of errors, in squared

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.ekf.passes import Passes
@@ -48,7 +48,8 @@ def spurious_growth(
     crossed = np.concatenate([crossed, solution.of_theta[:, points] @ attached.T]).T
     position = system.information[:, :3, :3] / variance
     by_few, by_noise = (turned_information(position, spread) for spread in solution.spread)
-    spurious = three_sigma_factor(RATE_AND_INERTIA) * by_few + three_sigma_factor(int(system.seen.sum())) * by_noise
+    spurious = SpuriousInformation.of(by_few, RATE_AND_INERTIA)
+    spurious += SpuriousInformation.of(by_noise, int(system.seen.sum()))
     of_offset, of_others = spurious_information_columns(offset, crossed, spurious, least)
     return of_offset, of_others[: n * d].reshape(n, d, -1), of_others[n * d :]
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from baryscope.estimator.adjustment.spurious import (
     FARTHEST_RADII,
+    SpuriousInformation,
     farthest,
     spurious_information_columns,
-    three_sigma_factor,
 )
 from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
 from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Body, Pair
@@ -47,7 +47,7 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
         fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
     fit = fits[in_child]
-    spurious = three_sigma_factor(len(kept)) * _spurious(pair, in_child, fit)
+    spurious = SpuriousInformation.of(_spurious(pair, in_child, fit), len(kept))
     reach = farthest(pair.child.markers)
     of_told = told @ fit.covariance @ told.T
     free, _ = spurious_information_columns(of_told, np.zeros((6, 0)), spurious, 1 / reach**2)

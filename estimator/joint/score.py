@@ -11,7 +11,7 @@ Not covered: noise that keeps time with the motion, and a shift of skin that dep
 import numpy as np
 
 from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
-from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.geometry.so3 import squared_cross
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.joint.result import Centre, untold
@@ -31,7 +31,7 @@ def score(pair: Pair, told: FloatArray) -> Centre:
     residual = design @ found - wanted
     frames, _ = frames_per_independent_one([residual])
     independent = len(residual) / frames
-    spurious = three_sigma_factor(max(int(independent), 1)) * _spurious(pair, residual)
+    spurious = SpuriousInformation.of(_spurious(pair, residual), max(int(independent), 1))
     variance = float(np.mean(residual**2)) * frames
     reach = farthest(pair.child.markers)
     free, _ = spurious_information_columns(inverse, np.zeros((6, 0)), spurious, variance / reach**2)
@@ -46,7 +46,7 @@ def score(pair: Pair, told: FloatArray) -> Centre:
     covariance = freedom * (inverse @ meat @ inverse + variance * free @ free.T) + untold(told, reach)
     values, vectors = np.linalg.eigh(normal)
     weakest = vectors[:, 0]
-    observable = told.shape[1] == len(values) and values[0] > weakest @ spurious @ weakest
+    observable = told.shape[1] == len(values) and values[0] > weakest @ spurious.likely @ weakest
     return Centre(found, covariance, bool(observable), weakest)
 
 

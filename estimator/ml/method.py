@@ -26,7 +26,7 @@ from baryscope.estimator.adjustment.diagnostics import (
 )
 from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
-from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
@@ -241,7 +241,7 @@ def _covariances(
     variance = max(best.variance, 1e-300)
     y = _covariance_of_unknowns(best, distance, variance)
     spread = variance * _spread(turn, best.motion.attitude, y[: best.rotation.size, : best.rotation.size])
-    spurious = three_sigma_factor(RATE_AND_INERTIA) * turned_information(_position_information(best), spread)
+    spurious = SpuriousInformation.of(turned_information(_position_information(best), spread), RATE_AND_INERTIA)
     of_y, offsets = y, []
     least = variance / max(farthest(best.found.points[features]) for features in clusters) ** 2
     for features in clusters:

@@ -1,18 +1,16 @@
 """What `pivot` has found: a solution with what its covariance, its findings and the other methods need of it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.evidence import solved
 from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.spurious import NoisyAttitudes
+from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -126,32 +124,24 @@ class Pivot:
         return noisy_attitudes(self.bodies, self.observations, origin, variance, self.shift)
 
     @cached_property
-    def spurious(self) -> tuple[FloatArray, ...]:
-        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
-        return tuple(noisy.likely_spurious_information() for noisy in self.noisy_attitudes)
+    def spurious(self) -> tuple[SpuriousInformation, ...]:
+        """The spurious information on each body's offset, in the weights' units."""
+        return tuple(noisy.spurious_information() for noisy in self.noisy_attitudes)
 
     @cached_property
     def spurious_share(self) -> float:
         """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
-        return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
+        return self._share_of(SpuriousInformation.of_each(self.spurious))
 
     @cached_property
-    def shown_spurious(self) -> FloatArray:
-        """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as the rotation shows it.
+    def shown_spurious(self) -> SpuriousInformation:
+        """The spurious information on the bodies' offsets; where it matters, as the rotation shows it.
 
-        Jointly for all bodies: spurious information of one body on the path would propagate to the others. A body that
-        is lost has none.
+        Jointly for all bodies: spurious information of one body on the path would propagate to the others. It is in
+        proportion to the noise of a body's attitudes; one that is lost has none.
         """
-        return self._shown(self.spurious)
-
-    @cached_property
-    def shown_spurious_deviation(self) -> FloatArray:
-        """The standard deviation of that along any direction of the offsets, (3 k, 3 k)."""
-        return self._shown([noisy.spurious_deviation() for noisy in self.noisy_attitudes])
-
-    def _shown(self, spurious: Sequence[FloatArray]) -> FloatArray:
-        """Matrices (3, 3) of the bodies as one (3 k, 3 k), each in proportion to the noise of its attitudes."""
-        return np.asarray(block_diag(*(factor * one for factor, one in zip(self._excess, spurious, strict=True))))
+        pairs = zip(self._excess, self.spurious, strict=True)
+        return SpuriousInformation.of_each(one.scaled(factor) for factor, one in pairs)
 
     @cached_property
     def _excess(self) -> tuple[float, ...]:
@@ -170,7 +160,11 @@ class Pivot:
         """
         if self.spurious_share < LOOKED_AT:
             return self.spurious_share
-        return float(np.linalg.eigvals(self.solution.offset_covariance @ self.shown_spurious).real.max())
+        return self._share_of(self.shown_spurious)
+
+    def _share_of(self, spurious: SpuriousInformation) -> float:
+        """The share of what is likely spurious, in the direction where it is greatest."""
+        return float(np.linalg.eigvals(self.solution.offset_covariance @ spurious.likely).real.max())
 
     def shown_spurious_share_of(self, body: int, directions: FloatArray) -> float:
         """The same for the offset of one body, by its index, along some directions (d, 3) of its axes, unit vectors.
@@ -179,7 +173,7 @@ class Pivot:
         """
         own = slice(3 * body, 3 * body + 3)
         along = self.solution.offset_covariance[own, own] @ directions.T
-        feigned = along.T @ self.shown_spurious[own, own] @ along
+        feigned = along.T @ self.shown_spurious.likely[own, own] @ along
         return float(np.linalg.eigvals(np.linalg.solve(directions @ along, feigned)).real.max())
 
     def at_mean(self, errors: SharedErrors | None) -> "Pivot":
@@ -225,4 +219,4 @@ def spurious_of_known(
 ) -> list[FloatArray]:
     """The spurious information (3, 3) on each body's offset by the frames whose attitudes are known."""
     noisy = noisy_attitudes(bodies, observations, origin, variance, shift)
-    return [one.of_known().likely_spurious_information() for one in noisy]
+    return [one.of_known().spurious_information().likely for one in noisy]

@@ -156,4 +156,4 @@ def _prior(found: Pivot) -> OffsetPrior:
     offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
-    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets), found.shown_spurious_deviation)
+    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets))

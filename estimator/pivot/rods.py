@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
+    SpuriousInformation,
     effective_count,
     spurious_information_columns,
-    three_sigma_factor,
 )
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -81,11 +81,11 @@ def best_attitudes(own: Observations, points: FloatArray, origin: FloatArray) ->
 
 def spurious_share(found: Pivot) -> float:
     """The spurious information on the path over that on it, in the direction where it is greatest."""
-    return float(np.linalg.eigvals(found.solution.covariance @ spurious_information(found)[0]).real.max())
+    return float(np.linalg.eigvals(found.solution.covariance @ spurious_information(found).mean).real.max())
 
 
-def spurious_information(found: Pivot) -> tuple[FloatArray, float]:
-    """The spurious information on the path's x (p, p), in the weights' units, and how many frames give most of it.
+def spurious_information(found: Pivot) -> SpuriousInformation:
+    """The spurious information on the path's x (p, p), in the weights' units; it scatters as the frames that give most.
 
     A frame does not see what moves the centre of mass across the plane in which it is with the line: the attitude
     follows. But with the noise φ of that attitude, the distance from the line seems to change by φ times as much. For
@@ -104,21 +104,19 @@ def spurious_information(found: Pivot) -> tuple[FloatArray, float]:
         matrices = (seen * turned)[:, None, None] * across[:, :, None] * across[:, None]
         total += noisy.every * found.sampled.gram(noisy.frames, matrices)
         sizes.append(np.repeat(seen * turned, noisy.every))
-    return total, effective_count(np.concatenate(sizes))
+    return SpuriousInformation.of(total, max(effective_count(np.concatenate(sizes)), 1.0))
 
 
 def without_spurious_path(found: Pivot, least: float) -> FloatArray:
     """Columns A (3 k + p, d) by which the joint covariance of offsets and x grows, as A Aᵀ, without that information.
 
-    With a margin of three standard deviations, as that of attitudes; least: the least information on the place of the
-    centre of mass in a direction, in the weights' units.
+    least: the least information on the place of the centre of mass in a direction, in the weights' units.
     """
-    spurious, frames = spurious_information(found)
     solution = found.solution
     of_x, of_offsets = spurious_information_columns(
         solution.covariance,
         solution.offset_path.T,
-        three_sigma_factor(max(frames, 1.0)) * spurious,
+        spurious_information(found),
         least,
         lengths=found.sampled.lengths,
     )

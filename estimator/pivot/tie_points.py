@@ -131,7 +131,7 @@ def _spurious_share(solution: Solution, index: int, noisy: NoisyAttitudes) -> fl
     """The greatest share of spurious information in the information on the offset of a body of noisy attitudes."""
     own = slice(3 * index, 3 * index + 3)
     factor = factor_of(solution.offset_covariance[own, own])
-    return float(np.linalg.eigvalsh(factor.T @ noisy.likely_spurious_information() @ factor)[-1])
+    return float(np.linalg.eigvalsh(factor.T @ noisy.spurious_information().likely @ factor)[-1])
 
 
 def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:

@@ -7,18 +7,32 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
-    MARGIN,
     NoisyAttitudes,
     OffsetPrior,
+    SpuriousInformation,
     implausible_columns,
     spurious_information_columns,
-    three_sigma_factor,
     untold_decrease,
 )
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.registration.body import Body
 from synthetic import attitude
+
+
+def exact(information):
+    return SpuriousInformation(information, np.zeros_like(information))
+
+
+def test_a_bound_of_three_deviations_holds_and_is_no_wider():
+    """Against χ²: a mean square of so many values is above it as seldom as their law says, to a seventh of that."""
+    rng = np.random.default_rng(7)
+    for values in (20, 100):
+        found = SpuriousInformation.of(np.eye(1), values)
+        above = np.mean(np.mean(rng.normal(size=(100_000, values)) ** 2, axis=1) > found.likely[0, 0])
+        assert above == pytest.approx(chi2.sf(values * (1 + 3 * np.sqrt(2 / values)), values), rel=0.15)
+        joined = SpuriousInformation.of_each([found, found.scaled(2.0)]) + exact(np.eye(2))
+        np.testing.assert_allclose(joined.likely, np.diag([1 + found.likely[0, 0], 1 + 2 * found.likely[0, 0]]))
 
 
 def test_variance_of_an_estimating_equation():
@@ -32,7 +46,7 @@ def test_variance_of_an_estimating_equation():
     spurious = (axes * (values * [0.9, 0.5, 0.0])) @ axes.T
     left = np.linalg.inv(information - spurious)
     expected = left @ information @ left
-    columns, gain = spurious_information_columns(offset, crossed, spurious, 1e-9)
+    columns, gain = spurious_information_columns(offset, crossed, exact(spurious), 1e-9)
     np.testing.assert_allclose(offset + columns @ columns.T, expected, rtol=1e-9, atol=1e-9)
     regression = crossed.T @ information
     expected_others = others + regression @ (expected - offset) @ regression.T
@@ -47,7 +61,7 @@ def test_spurious_information_along_other_axes_than_the_information():
     factor, other = rng.normal(size=(6, 6)), rng.normal(size=(6, 6))
     offset, spurious = factor @ factor.T, other @ other.T
     spurious *= 0.8 / np.linalg.eigvals(offset @ spurious).real.max()
-    columns, _ = spurious_information_columns(offset, np.zeros((6, 1)), spurious, 1e-9)
+    columns, _ = spurious_information_columns(offset, np.zeros((6, 1)), exact(spurious), 1e-9)
     left = np.linalg.inv(np.linalg.inv(offset) - spurious)
     np.testing.assert_allclose(offset + columns @ columns.T, left @ np.linalg.inv(offset) @ left, rtol=1e-8, atol=1e-8)
 
@@ -63,10 +77,11 @@ def test_the_margin_is_that_of_the_frames_which_give_most():
         noisy = NoisyAttitudes.of(
             Body(np.arange(4), np.arange(40), points, R), Observations(position, weight), np.zeros((40, 3)), 1e-8
         )
-        factors.append(noisy.likely_spurious_information() / noisy.spurious_information())
+        found = noisy.spurious_information()
+        factors.append(np.diag(found.deviation / found.mean))
         weight[7, 3] = 0.0
-    np.testing.assert_allclose(np.diag(factors[0]), three_sigma_factor(40))
-    np.testing.assert_allclose(np.diag(factors[1]), three_sigma_factor(1), rtol=0.1)
+    np.testing.assert_allclose(factors[0], np.sqrt(2 / 40))
+    np.testing.assert_allclose(factors[1], np.sqrt(2), rtol=0.12)
 
 
 def test_products_of_errors_against_random_ones():
@@ -105,7 +120,7 @@ def _cross(vector):
 
 def test_a_direction_without_information_gets_the_least():
     offset = np.diag([1.0, 1.0, 4.0])
-    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), np.diag([0.0, 0.0, 0.3]), 1e-4)
+    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), exact(np.diag([0.0, 0.0, 0.3])), 1e-4)
     np.testing.assert_allclose(np.diag(offset + columns @ columns.T), [1.0, 1.0, 1e4])
 
 
@@ -121,10 +136,10 @@ def test_with_a_prior_errors_are_as_claimed_where_spurious_information_is_uncert
     left = information - spurious
     deviation = uncertain * left
     held = firmer * known * information / left
-    prior = OffsetPrior(known * np.eye(3), np.diag(held), np.diag(deviation))
-    likely = np.diag(spurious + MARGIN * deviation)
+    prior = OffsetPrior(known * np.eye(3), np.diag(held))
+    feigned = SpuriousInformation(np.diag(spurious), np.diag(deviation))
     offset = np.diag(1 / (information + held))
-    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), likely, known / 2, prior)
+    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), feigned, known / 2, prior)
     rng, draws = np.random.default_rng(0), (100_000, 3)
     true = rng.normal(size=draws) / np.sqrt(known)
     slope = left + deviation * rng.normal(size=draws)
@@ -140,10 +155,10 @@ def test_with_a_prior_what_is_told_may_be_nothing_as_in_a_spin():
     """
     information, known, least, deviation = 100.0, 0.4, 0.2, 7.0
     seeming = np.array([1.0, 2.5, 4.0]) * deviation
-    prior = OffsetPrior(known * np.eye(3), known * np.eye(3), deviation * np.eye(3))
-    likely = np.diag(information - seeming + MARGIN * deviation)
+    prior = OffsetPrior(known * np.eye(3), known * np.eye(3))
+    feigned = SpuriousInformation(np.diag(information - seeming), deviation * np.eye(3))
     offset = np.eye(3) / (information + known)
-    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), likely, least, prior)
+    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), feigned, least, prior)
     rng, draws = np.random.default_rng(0), 2_000_000
     told = np.where(rng.random(draws) < 0.2, 0.0, information * rng.random(draws))
     seen = told + deviation * rng.normal(size=draws)
@@ -157,7 +172,7 @@ def test_with_a_prior_what_is_told_may_be_nothing_as_in_a_spin():
 
 def test_a_step_counts_where_the_tracks_tell_and_not_where_noise_leads():
     """The third is spurious by more than its information: a step of 1 m there is one of a hundredth of a deviation."""
-    offset, spurious = np.diag([1.0, 1.0, 4.0]), np.diag([0.0, 0.5, 0.3])
+    offset, spurious = np.diag([1.0, 1.0, 4.0]), exact(np.diag([0.0, 0.5, 0.3]))
     assert untold_decrease(np.array([0.0, 0.0, 1.0]), offset, spurious, 1e-4) == pytest.approx(1 / 4 - 1e-4)
     assert untold_decrease(np.array([3.0, 4.0, 0.0]), offset, spurious, 1e-4) == 0
 
@@ -187,10 +202,8 @@ def test_near_spins_have_errors_as_claimed(kind):
             if found.step < 1e-3 * noise**2:
                 break
         own = NoisyAttitudes.of(bodies[0], observations, sampled.position(x), noise**2).spurious_information()
-        shares.append(np.linalg.eigvals(found.offset_covariance @ own).real.max())
-        columns, _ = spurious_information_columns(
-            found.offset_covariance, found.offset_path, three_sigma_factor(100) * own, noise**2 / 20**2
-        )
+        shares.append(np.linalg.eigvals(found.offset_covariance @ own.mean).real.max())
+        columns, _ = spurious_information_columns(found.offset_covariance, found.offset_path, own, noise**2 / 20**2)
         covariance = noise**2 * (found.offset_covariance + columns @ columns.T)
         centred = bodies[0].points - bodies[0].points.mean(axis=0)
         turn = Rotation.align_vectors(centred, points - points.mean(axis=0))[0]
