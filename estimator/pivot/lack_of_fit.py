@@ -1,19 +1,22 @@
-"""The tests of a fitted path for lack of fit of its model."""
+"""What speaks against a solution: labels, excess residuals, lack of fit of the path's model, too few frames."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.findings import ExcessResiduals, LackOfFit
+from baryscope.estimator.dynamics.trajectory import smooth_in
+from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding, LackOfFit
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
+from baryscope.estimator.pivot.refinement import ROUNDING
 from baryscope.estimator.registration.clusters import Registered
+from baryscope.estimator.tracks import FeatureTracks
 
 FloatArray = NDArray[np.float64]
 
@@ -23,6 +26,26 @@ MIN_NEW_SHARE = 0.01  # share of a cubic that the path model cannot represent, f
 SIGNIFICANCE = 1e-7  # probability of a lack of fit by chance
 TEST_FRAMES = 1500  # frames used in the test, at most
 MAX_SPURIOUS_GROWTH = 1.5  # of an offset's variance by removal of spurious information, for the test to be valid
+
+
+def misfits(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
+    """Findings against labels and path."""
+    findings: list[Finding] = [
+        DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
+        for points in found.refused
+    ]
+    measured = found.observations
+    if found.residual_variance > least_variance(measured, ROUNDING):
+        excess = excess_residuals(found, registered) if measured.precision is None else None
+        if excess is not None:
+            findings.append(excess)
+        elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
+            findings.append(finding)
+    frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
+    # Of a smooth path's unknowns the law tells some, and the covariance has its misfit.
+    if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
+        findings.append(FewFrames(frames, unknowns))
+    return tuple(findings)
 
 
 def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | None:

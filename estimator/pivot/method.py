@@ -33,8 +33,7 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
-from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, smooth_in, trajectory_of
-from baryscope.estimator.findings import DifferentPoints, FewFrames, Finding
+from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
@@ -42,13 +41,13 @@ from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
-from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
+from baryscope.estimator.pivot.lack_of_fit import misfits
 from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
 from baryscope.estimator.pivot.refinement import ROUNDING, InitialSolution, refined
 from baryscope.estimator.pivot.ridge import with_ridges
-from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
+from baryscope.estimator.pivot.rods import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.start import LinearStart, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
@@ -68,7 +67,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
-MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 
 
@@ -176,19 +174,47 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
         InputError: an invalid combination of options, or a singular covariance.
         ComputationError: the tracks do not determine the unknowns.
     """
-    orbit, trajectory = told, trajectory_of(options.trajectory, told)
-    span = (float(tracks.time[0]), float(tracks.time[-1]))
-    data = _ProblemData.of(tracks, trajectory.path(orbit, *span))
-    registered = data.registered
+    trajectory = trajectory_of(options.trajectory, told)
+    data = _ProblemData.of(tracks, trajectory.path(told, float(tracks.time[0]), float(tracks.time[-1])))
+    found, start = _of_chosen_degree(data, trajectory, told, options)
+    found, orbit = _with_what_acts(found, start, data.registered, told, options)
+    refuse_untold(found, data.registered)
+    findings = misfits(found, data.registered, tracks) + wrong_orbit(found, orbit)
+    of_x = found.variance * found.solution.covariance
+    findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
+    findings += untold_oblateness(told, found.path)
+    found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
+    return found.at_mean(errors_of(tracks))
+
+
+def _of_chosen_degree(
+    data: "_ProblemData", trajectory: Trajectory, orbit: Orbit | None, options: PathOptions
+) -> tuple[Pivot, InitialSolution]:
+    """The solution on a path of enough degrees, and its start.
+
+    Raises:
+        ComputationError: the tracks do not determine the unknowns.
+    """
+    time, errors = data.tracks.time, errors_of(data.tracks)
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     for highest in SMOOTH_DEGREES:
-        path = chosen_path(options, orbit, *span, errors_of(tracks), highest)
+        path = chosen_path(options, orbit, float(time[0]), float(time[-1]), errors, highest)
         start = replace(data.start(path), slips=slips)
         found = _refined(start, options)
         if not _is_cut_short(found):
             break
         # Of a path with more degrees they tell less.
-        _refuse_untold(found, registered)
+        refuse_untold(found, data.registered)
+    return found, start
+
+
+def _with_what_acts(
+    found: Pivot, start: InitialSolution, registered: Registered, orbit: Orbit | None, options: PathOptions
+) -> tuple[Pivot, Orbit | None]:
+    """The solution on a path with what acts untold, and without strays; and the orbit, with the Earth's J2 if it acts.
+
+    That is an orbit that is not given, J2, burns, and an error of the orbit.
+    """
     found, start = with_estimated_orbit(found, start, options)
     found, start, orbit = with_oblateness(found, start, orbit, options)
     found, fewer = without_strays(found, start, options)
@@ -198,14 +224,7 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
         burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
-    found = with_corrected_orbit(found, orbit, start, options)
-    _refuse_untold(found, registered)
-    findings = _findings(found, registered, tracks) + wrong_orbit(found, orbit)
-    of_x = found.variance * found.solution.covariance
-    findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
-    findings += untold_oblateness(told, found.path)
-    found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
-    return found.at_mean(errors_of(tracks))
+    return with_corrected_orbit(found, orbit, start, options), orbit
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,39 +369,6 @@ def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
             f"more than {free // 3 + count} needed",
             Reason.TOO_FEW_FRAMES,
         )
-
-
-def _refuse_untold(found: Pivot, registered: Registered) -> None:
-    """Check that features in a line tell the path by more than noise.
-
-    Raises:
-        ComputationError: they do not.
-    """
-    if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
-        raise ComputationError(
-            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
-            Reason.COLLINEAR_FEATURES,
-        )
-
-
-def _findings(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
-    """Findings against labels and path."""
-    findings: list[Finding] = [
-        DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
-        for points in found.refused
-    ]
-    measured = found.observations
-    if found.residual_variance > least_variance(measured, ROUNDING):
-        excess = excess_residuals(found, registered) if measured.precision is None else None
-        if excess is not None:
-            findings.append(excess)
-        elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
-            findings.append(finding)
-    frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
-    # Of a smooth path's unknowns the law tells some, and the covariance has its misfit.
-    if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
-        findings.append(FewFrames(frames, unknowns))
-    return tuple(findings)
 
 
 def _restricted(measured: Observations, right: Observations, bodies: tuple[Body, ...]) -> Observations:

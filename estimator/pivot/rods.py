@@ -25,9 +25,11 @@ from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
+from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
 
+MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
 NEAREST = 0.01  # of a rod's length: the distance of the centre of mass from its line, at least
 
 
@@ -82,6 +84,19 @@ def best_attitudes(own: Observations, points: FloatArray, origin: FloatArray) ->
 def spurious_share(found: Pivot) -> float:
     """The spurious information on the path over that on it, in the direction where it is greatest."""
     return float(np.linalg.eigvals(found.solution.covariance @ spurious_information(found).mean).real.max())
+
+
+def refuse_untold(found: Pivot, registered: Registered) -> None:
+    """Check that features in a line tell the path by more than noise.
+
+    Raises:
+        ComputationError: they do not.
+    """
+    if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
+        raise ComputationError(
+            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
+            Reason.COLLINEAR_FEATURES,
+        )
 
 
 def spurious_information(found: Pivot) -> SpuriousInformation:
