@@ -19,12 +19,12 @@ from baryscope.estimator.registration.screening import distances_between
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-SAMPLE = 1000  # frames that are looked at, at most
+SAMPLE = 600  # frames that are looked at, at most
 MOST_PAIRS = 40
 DOF = 4.0  # of Student's distribution
 ROUNDS = 60
 MOST_STEP, STEADY = 1.0, 1e-3  # of ln ρ²: the longest step, and what needs no further one
-GREATEST = 8.0  # |ln ρ²|
+GREATEST = 8.0  # |ln ρ²|, at which it is no longer sought
 BLOCKS, LEAST_BLOCKS = 24, 6
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
 RATIO = 1.25  # ρ, below which it is no matter
@@ -90,7 +90,7 @@ def depth_ratio(position: FloatArray, seen: BoolArray) -> DepthRatio | None:
     fits = [_Fit.of(off, both, *law) for law in laws]
     best = 1 if fits[1].likelihood > fits[0].likelihood else 0
     log_ratio = fits[best].log_ratio
-    if abs(log_ratio) < 2 * np.log(RATIO):
+    if not 2 * np.log(RATIO) <= abs(log_ratio) < GREATEST:
         return None
     equal = _Fit.of(off, both, *laws[best], free=False)
     gained = 2 * (fits[best].likelihood - equal.likelihood) / max(1.0, equal.dependence(blocks))
