@@ -47,7 +47,9 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     plain = with_credible_sigma(lambda told: fit(tracks, told), options)
     if tracks.covariance is not None:
         return plain
-    parts, ratio = _rejecting_parts(plain, tracks), depth_ratio(tracks.position, plain.used & ~plain.rejected)
+    source = _sources(plain, tracks)
+    parts = _rejecting_parts(plain, tracks)
+    ratio = depth_ratio(tracks.position[:, source], plain.used & ~plain.rejected)
     if not parts and ratio is None:
         return plain
     deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
@@ -55,7 +57,9 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
         deviation[part.begin : part.end] = part.deviation
     covariance = np.broadcast_to(np.eye(3), (*tracks.position.shape, 3))
     if ratio is not None:
-        place = np.where(np.isfinite(plain.residuals), tracks.position - plain.residuals, tracks.position)
+        place = tracks.position.copy()
+        for column, residual in zip(source, np.moveaxis(plain.residuals, 1, 0), strict=True):
+            place[:, column] -= np.nan_to_num(residual)
         covariance = ratio.covariance(place)
     weighed = replace(tracks, covariance=deviation[:, None, None, None] ** 2 * covariance)
     try:
@@ -63,6 +67,12 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     except ComputationError:
         return plain
     return _claimed(found, plain, weighed, parts, ratio)
+
+
+def _sources(found: Estimate, tracks: FeatureTracks) -> list[int]:
+    """The index among the tracks' labels of each of an estimate's, which may be `F3 (2)` for another point of F3."""
+    own = (label if label in tracks.labels else label.rpartition(" ")[0] for label in found.labels)
+    return [tracks.labels.index(label) for label in own]
 
 
 def _rejecting_parts(plain: Estimate, tracks: FeatureTracks) -> tuple[Part, ...]:
@@ -85,7 +95,8 @@ def _claimed(
     size, scale = (found.noise.a_posteriori if found.noise.relative else 1.0), 1.0
     if found.noise.relative and kept.any():
         assert weighed.covariance is not None  # noqa: S101  as its caller has made it
-        scale = float(np.sqrt(np.mean(np.trace(weighed.covariance[kept], axis1=1, axis2=2)) / 3))
+        covariance = weighed.covariance[:, _sources(found, weighed)][kept]
+        scale = float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2)) / 3))
     deviation = scale * found.noise.a_posteriori
     lasting = max(found.noise.lasting, *(_lasting(found, kept, part) for part in parts), 0.0)
     findings: list[Finding] = []

@@ -111,3 +111,18 @@ def test_too_few_frames_or_noise_tell_nothing():
     exact = seen_by_a_rig(2, across=1e-13)
     assert depth_ratio(exact.position, exact.seen) is None
     assert depth_ratio(np.full((50, 4, 3), np.nan), np.zeros((50, 4), bool)) is None
+
+
+def test_a_label_of_two_points_is_two():
+    """`ml` gives the second point of a label one of its own: here from half the time on."""
+    tracks = seen_by_a_rig(4)
+    position = tracks.position.copy()
+    half = len(TIME) // 2
+    for feature in range(3):
+        position[half:, feature] = np.nan
+        position[: half - 1, feature + 3] = np.nan
+    position[half:, 0] = tracks.position[half:, 1]
+    found = estimate(FeatureTracks(TIME, position, tracks.labels), method="ml", options=FIXED)
+    assert found.labels == (*tracks.labels, "a (2)")
+    assert any(isinstance(one, DepthNoise) for one in found.findings)
+    assert normalised_square(found) < chi2.isf(1e-4, 3)
