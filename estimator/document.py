@@ -127,6 +127,7 @@ class FindingPart(Part):
         "wrong-orbit",
         "estimated-orbit",
         "untold-oblateness",
+        "untold-accuracy",
         "unknown-burn",
         "wrong-sigma",
         "changing-noise",
@@ -170,6 +171,8 @@ class FindingPart(Part):
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
     axes: Literal["lvlh", "inertial"] | None = Field(None, description="unknown-burn: axes of change")
+    place: float | None = Field(None, description="untold-accuracy: standard deviation of the orbit, m")
+    push: float | None = Field(None, description="untold-accuracy: standard deviation of a constant acceleration, m/s²")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
     begins: tuple[float, ...] | None = Field(None, description="changing-noise: begins of the parts, s")

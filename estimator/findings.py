@@ -150,6 +150,18 @@ class UnknownBurn:
 
 
 @dataclass(frozen=True)
+class UntoldAccuracy:
+    """How exact the orbit is, nobody tells, and the tracks do not decide, but the answer rests on it.
+
+    The estimate allows for an orbit that is off by `place`, m, and for a constant `push`, m/s²: standard deviations, 0
+    where it is decided.
+    """
+
+    place: float
+    push: float
+
+
+@dataclass(frozen=True)
 class WrongSigma:
     """The deviation of a coordinate is `given` a priori, but `found` by the residuals; covariances take the greater.
 
@@ -201,6 +213,7 @@ Finding = (
     | WrongOrbit
     | EstimatedOrbit
     | UntoldOblateness
+    | UntoldAccuracy
     | UnknownBurn
     | WrongSigma
     | ChangingNoise

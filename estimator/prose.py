@@ -23,6 +23,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     UnknownBurn,
+    UntoldAccuracy,
     UntoldOblateness,
     WrongOrbit,
     WrongSigma,
@@ -107,6 +108,13 @@ def sentence(finding: Finding) -> str:
             return (
                 f"the orbit file tells no J2, {shown}: put j2 and equatorial_radius into the file, j2 = 0 if there is "
                 "none"
+            )
+        case UntoldAccuracy():
+            sizes = [f"an orbit that is off by {finding.place / 1e3:.2g} km"] if finding.place else []
+            sizes += [f"a push of {finding.push:.2g} m/s²"] if finding.push else []
+            return (
+                f"the tracks do not exclude {' and '.join(sizes)}, for which the estimate allows: put the accuracy of "
+                "the orbit into its file, in m, 0 if it is exact and nothing pushes"
             )
         case UnknownBurn():
             change = ", ".join(

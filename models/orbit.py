@@ -27,6 +27,7 @@ RANGES = {
     "equatorial_radius": (1e-3, 1e12, "m"),
 }  # wider than the solar system; an angle of 1e6 rad still has ten digits
 NUMBERS = ELEMENT_COUNT + 2  # fields of an orbit that are numbers, the first ones
+LEAST_ACCURATE = 0.1  # of the semi-major axis, which is no longer an error of the first order
 MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
 
 
@@ -57,6 +58,8 @@ class Orbit:
         j2: second zonal coefficient of the central body, whose pole is the z axis of I; None: a point mass.
         equatorial_radius: to which `j2` refers, m; given with it or not at all.
         epoch: UTC of time 0 as a text in ISO 8601; None: unknown.
+        accuracy: standard deviation of the target's place along its orbit and across it, m; 0: exact, as in a
+            simulation; None: unknown.
         ephemeris: where the target is at any time, if that is known better than from the elements; these then
             osculate at time 0.
 
@@ -75,6 +78,7 @@ class Orbit:
     j2: float | None = None
     equatorial_radius: float | None = None
     epoch: str | None = None
+    accuracy: float | None = None
     ephemeris: Ephemeris | None = None
 
     def __post_init__(self) -> None:
@@ -101,6 +105,7 @@ class Orbit:
                 f"{self.periapsis_rate:g} rad/s, expected at most {MAX_RATE:g} rad/s, as outside any body"
             )
         self._check_oblateness(periapsis)
+        self._check_accuracy()
 
     def _check_oblateness(self, periapsis: float) -> None:
         """J2 needs its radius and the other way round; a radius in km would make it vanish in silence.
@@ -122,15 +127,31 @@ class Orbit:
                 f"{periapsis:g} m"
             )
 
+    def _check_accuracy(self) -> None:
+        """An accuracy is a length that is small against the orbit.
+
+        Raises:
+            InputError: it is not.
+        """
+        if self.accuracy is None:
+            return
+        value, greatest = _finite("accuracy", self.accuracy), LEAST_ACCURATE * self.semi_major_axis
+        if not 0 <= value <= greatest:
+            raise InputError(
+                f"orbit.accuracy: found {value:g} m, expected 0 to {greatest:g} m, a tenth of semi_major_axis"
+            )
+        object.__setattr__(self, "accuracy", value)
+
     def with_earths_j2(self) -> "Orbit | None":
         """The same orbit with the Earth's J2, about the z axis; None if its forces are known, or not the Earth's."""
         if self.j2 is not None or self.ephemeris is not None or not self._is_the_earths:
             return None
         return replace(self, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 
-    def without_untold_j2(self) -> "Orbit":
-        """The same orbit, which tells j2 = 0 where it tells none: that of a simulation, which has no forces besides."""
-        return self if self.with_earths_j2() is None else replace(self, j2=0.0, equatorial_radius=EARTH_RADIUS)
+    def of_simulation(self) -> "Orbit":
+        """The same orbit, which tells that it is exact, and j2 = 0 where it tells none: there are no forces besides."""
+        exact = replace(self, accuracy=0.0)
+        return exact if self.with_earths_j2() is None else replace(exact, j2=0.0, equatorial_radius=EARTH_RADIUS)
 
     @property
     def elements(self) -> tuple[float, ...]:

@@ -68,7 +68,7 @@ class Orbit:
         return (plane * Rotation.from_euler("Z", latitude[:, None])).as_matrix()
 
     def model(self):  # type: ignore[no-untyped-def]
-        """The same orbit as a model of baryscope."""
+        """The same orbit as a model of baryscope, which tells that it is exact."""
         from baryscope.models.orbit import Orbit as ModelOrbit
 
         return ModelOrbit(
@@ -78,6 +78,7 @@ class Orbit:
             raan=self.raan,
             argument_of_periapsis=self.periapsis,
             true_anomaly=self.anomaly,
+            accuracy=0.0,
         )
 
 

@@ -28,13 +28,16 @@ from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts
-from baryscope.estimator.findings import FreeAttitudes
+from baryscope.estimator.findings import Finding, FreeAttitudes, WrongOrbit
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
+from baryscope.estimator.orbits.error import inexact_parts
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
+from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
+from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
@@ -72,7 +75,7 @@ def estimate_by_filter(
         found = _filtered(tracks, orbit, options, solved, progress)
         if found.converged:
             answer = answer_of(found, begin)
-            return replace(answer, findings=answer.findings + untold_oblateness(orbit, found.problem.path))
+            return replace(answer, findings=answer.findings + _findings_on_orbit(found.problem.path, orbit, solved))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
@@ -143,24 +146,33 @@ def _filtered(
 def _with_untold_forces(
     found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], Pivot]
 ) -> Passes:
-    """The passes with J2 if `pivot` finds it, or does not tell it from none, and where the path has process noise with
-    the burns that it finds; whole: its solution, with all options.
+    """The passes with J2 and with errors of the orbit if `pivot` finds them, or does not tell them from none, and where
+    the path has process noise with the burns that it finds; whole: its solution, with all options.
     """
     problem = found.problem
     options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
     noisy = (noise.significance or 0.0) >= SIGNIFICANT
-    if not noisy and (orbit is None or orbit.with_earths_j2() is None):
+    if not noisy and (orbit is None or (orbit.with_earths_j2() is None and orbit.accuracy == 0)):
         return found
     try:
         solved, path = whole(), problem.path
         if untold_oblateness(orbit, solved.path):
             oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
             path = perhaps_oblate_in(solved.path) or oblate
+        for part in reversed(inexact_parts(solved.path)):
+            path = replace(part, base=path)
+        path = orbit_error_in(solved, path) or path
         if noisy:
             path = _with_burns_of(solved, path)
         return found if path is problem.path else passes(replace(problem, path=path))
     except ComputationError:
         return found
+
+
+def _findings_on_orbit(path: Path, orbit: Orbit | None, whole: Callable[[], Pivot]) -> tuple[Finding, ...]:
+    """What `pivot` has found of the orbit, as far as the path has it."""
+    corrected = tuple(one for one in whole().findings if isinstance(one, WrongOrbit)) if inexact_parts(path) else ()
+    return untold_oblateness(orbit, path) + untold_accuracy(path) + corrected
 
 
 def _with_burns_of(solved: Pivot, path: Path) -> Path:

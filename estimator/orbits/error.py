@@ -6,10 +6,12 @@ factors of known accelerations, once p is known to a fraction.
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter
@@ -24,17 +26,41 @@ NAMES = tuple(
     f"orbit {axis}{rate}" for rate in ("", " rate over mean motion") for axis in ("radial", "along", "across")
 )
 STEP = 1e3  # m, of the difference quotient of the gradient
+UNTOLD_TURN = float(np.radians(0.2))  # of an orbit, rad, rms: each size from 1 m to GREATEST is as likely as another
+UNTOLD_PUSH = 1e-7  # m/s²: as the drag on one body in a low orbit is more than on the other, or light in any
 LEAST = 1.0  # m, standard deviation of a component
 GREATEST = float(np.radians(1.0))  # the same seen from the Earth's centre, rad: a file that is further off is another's
 # A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
 SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])
 
 
-def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begin: float, end: float) -> Force:
+@dataclass(frozen=True, eq=False)
+class InexactOrbitPath(ForcedPath):
+    """A path on an orbit with an error of a given size, or with a push.
+
+    told: whether its size is told, else it is the one that is likely; deviation: m, or m/s².
+    """
+
+    told: bool
+    deviation: float
+
+
+def inexact_parts(path: Path) -> tuple[InexactOrbitPath, ...]:
+    """The parts of a path that are errors of given sizes, from the outermost one."""
+    return tuple(part for part in parts_of(path) if isinstance(part, InexactOrbitPath))
+
+
+def orbit_error(
+    orbit: Orbit,
+    position: Callable[[FloatArray], FloatArray],
+    begin: float,
+    end: float,
+    deviation: float | None = None,
+) -> Force:
     """The accelerations of the centre of mass by an error of the orbit over begin … end in s.
 
     Their factors are the target's displacement in LVLH at the middle of the time, and its rate over the mean motion, m.
-    position: times (k,) in s → the path (k, 3) in C, m.
+    position: times (k,) in s → the path (k, 3) in C, m. deviation: of the greatest, m; None: to be estimated.
     """
     displaced = PerturbedOrbit(orbit, (begin + end) / 2)
 
@@ -47,9 +73,12 @@ def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begi
             pairs.append((gravity_gradient(orbit, ahead), gravity_gradient(orbit, behind)))
         return perturbing_accelerations(pairs, STEP, position(time))
 
+    longest, breaks = longest_on(orbit, begin, end), np.zeros(0)
+    if deviation is not None:
+        return Force(acceleration, NAMES, "m", deviation * SHARES, longest, breaks)
     greatest = GREATEST * orbit.semi_major_axis
     scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(greatest)))
-    return Force(acceleration, NAMES, "m", SHARES, longest_on(orbit, begin, end), np.zeros(0), scale)
+    return Force(acceleration, NAMES, "m", SHARES, longest, breaks, scale)
 
 
 def perturbing_accelerations(

@@ -42,6 +42,7 @@ from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import misfits
+from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy, with_errors_of_orbit
 from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
@@ -182,7 +183,7 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
     findings = misfits(found, data.registered, tracks) + wrong_orbit(found, orbit)
     of_x = found.variance * found.solution.covariance
     findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
-    findings += untold_oblateness(told, found.path)
+    findings += untold_oblateness(told, found.path) + untold_accuracy(found.path)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
 
@@ -224,7 +225,8 @@ def _with_what_acts(
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
         burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
-    return with_corrected_orbit(found, orbit, start, options), orbit
+    found = with_corrected_orbit(found, orbit, start, options)
+    return with_errors_of_orbit(found, orbit, start, options), orbit
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from baryscope.models.errors import InputError
 FloatArray = NDArray[np.float64]
 
 JULIAN_1950, DAY = 2433282.5, 86400.0  # the Julian date of 1950-01-01, and seconds
+AT_EPOCH, EACH_DAY = 1e3, 2e3  # m, standard deviation along the orbit, at the epoch and more for each day from it
 LINE = 69  # characters of a line of two-line elements
 NUMBERS = (
     "MEAN_MOTION",
@@ -71,6 +72,11 @@ class MeanElements:
                 f"({SGP4_ERRORS[int(errors[bad])]}), expected elements of about the time of the tracks"
             )
         return np.asarray(1e3 * np.hstack([position, velocity]))
+
+    @property
+    def accuracy(self) -> float:
+        """The standard deviation of the place along the orbit at time 0, m (Vallado et al. 2006, AIAA 2006-6753)."""
+        return AT_EPOCH + EACH_DAY * abs(seconds_between(self.epoch, self.begin)) / DAY
 
     @property
     def epoch(self) -> Moment:

@@ -43,8 +43,13 @@ def orbit_of_message(text: str, source: str, epoch: Moment | None) -> Orbit | No
     ephemeris = at(epoch)
     elements = elements_of(ephemeris.states(np.zeros(1))[0], EARTH_MU)
     return Orbit(
-        **elements, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS, epoch=utc_text(epoch), ephemeris=ephemeris
-    )  # fmt: skip
+        **elements,
+        j2=EARTH_J2,
+        equatorial_radius=EARTH_RADIUS,
+        epoch=utc_text(epoch),
+        accuracy=ephemeris.accuracy if isinstance(ephemeris, MeanElements) else None,
+        ephemeris=ephemeris,
+    )
 
 
 def _ephemeris_of(text: str, source: str) -> tuple[At, str] | None:

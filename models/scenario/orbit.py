@@ -23,7 +23,8 @@ class OrbitTable(UnitTable):
     """[orbit]: the target's Keplerian elements at time 0, with angles in degrees; optionally J2 of the central body.
 
     `epoch` is the UTC of time 0. With `j2` and `equatorial_radius` (both or neither) the elements are those of the
-    ellipse that osculates at time 0, and the z axis of I is the body's pole.
+    ellipse that osculates at time 0, and the z axis of I is the body's pole. `accuracy` is the standard deviation of
+    the target's place along its orbit and across it.
     """
 
     semi_major_axis: Annotated[float, Unit("m")]
@@ -36,6 +37,7 @@ class OrbitTable(UnitTable):
     j2: float | None = None
     equatorial_radius: Annotated[float | None, Unit("m")] = None
     epoch: str | None = None
+    accuracy: Annotated[float | None, Unit("m")] = None
 
     @field_validator("epoch", mode="before")
     @classmethod
@@ -59,6 +61,7 @@ class OrbitTable(UnitTable):
             j2=value.j2,
             equatorial_radius=value.equatorial_radius,
             epoch=value.epoch,
+            accuracy=value.accuracy,
         )
 
     def to_si(self) -> Orbit:
@@ -78,6 +81,7 @@ class OrbitTable(UnitTable):
             j2=self.j2,
             equatorial_radius=self.equatorial_radius,
             epoch=None if self.epoch is None else utc_text(utc_of(self.epoch, "orbit.epoch")),
+            accuracy=self.accuracy,
         )
 
 

@@ -71,9 +71,7 @@ def adjusting(setting: Setting, sizes: Sequence[Size] = SIZES, density: float = 
 
 def ours(setting: Setting, seen: Seen, name: str, options: PathOptions) -> Adjusted:
     """The whole of `pivot`, with registration, start and robust weights."""
-    run = partial(
-        estimate, seen.tracks, method="pivot", orbit=setting.scenario.orbit.without_untold_j2(), options=options
-    )
+    run = partial(estimate, seen.tracks, method="pivot", orbit=setting.scenario.orbit.of_simulation(), options=options)
     found = run()
     assert found.covariance is not None  # noqa: S101  pivot gives one
     return Adjusted(name, found.position, found.covariance[asked_of(len(found.position))], best(run))

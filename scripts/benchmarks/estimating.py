@@ -55,7 +55,7 @@ def tracks_of(setting: Setting, time: NDArray[np.float64], count: int) -> Seen:
 
 def cost_of(setting: Setting, method: str, seen: Seen) -> Cost:
     """Measure one method on some tracks, with the orbit given."""
-    run = partial(estimate, seen.tracks, method=method, orbit=setting.scenario.orbit.without_untold_j2())
+    run = partial(estimate, seen.tracks, method=method, orbit=setting.scenario.orbit.of_simulation())
     tracemalloc.start()
     result = run()
     peak = tracemalloc.get_traced_memory()[1]

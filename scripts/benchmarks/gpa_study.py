@@ -70,7 +70,7 @@ def rmse(tracks: FeatureTracks, flight: Flight, method: str, axes: str, lag: flo
     """RMSE of the path, m; NaN where the method says that it cannot be done."""
     options = ScrewOptions(lag=lag, axes="lvlh" if axes == "lvlh" else "inertial")
     try:
-        result = estimate(tracks, method=method, orbit=flight.scenario.orbit.without_untold_j2(), options=options)
+        result = estimate(tracks, method=method, orbit=flight.scenario.orbit.of_simulation(), options=options)
     except ComputationError:
         return np.nan
     return float(np.sqrt(np.mean(np.sum((result.position - flight.true_path) ** 2, axis=1))))

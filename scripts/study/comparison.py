@@ -228,7 +228,7 @@ def compare(
 def judge(label: str, flight: Flight, progress: Share = silent) -> Outcome:
     """Estimate by the method of a label, and measure its error."""
     method, options = options_of(label)
-    orbit = flight.scenario.orbit.without_untold_j2()
+    orbit = flight.scenario.orbit.of_simulation()
     result = attempt(flight.tracks, method=method, orbit=orbit, options=options, progress=progress)
     if isinstance(result, Failure):
         return Outcome(label, failure=result.message)

@@ -154,7 +154,7 @@ def write_flight(flight: Flight, path: AnyPath) -> tuple[Path, ...]:
         {
             tracks: writer_of_tracks(flight.tracks, tracks),
             truth: partial(write_truth, flight.truth),
-            orbit: lambda stream: stream.write(orbit_text(flight.scenario.orbit.without_untold_j2())),
+            orbit: lambda stream: stream.write(orbit_text(flight.scenario.orbit.of_simulation())),
         }
     )
     return tracks, truth, orbit

@@ -14,6 +14,7 @@ from baryscope.estimator.findings import (
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
+    UntoldAccuracy,
     WrongSigma,
 )
 from baryscope.estimator.methods import estimate
@@ -91,6 +92,16 @@ def test_verdict_names_a_skew_axis():
         (
             ChangingNoise((0.0, 9.62), (0.0003, 0.00312)),
             "the noise changes: 0.0003 m at first, 0.0031 m from 9.6 s on; every frame is weighed by its own",
+        ),
+        (
+            UntoldAccuracy(24.4e3, 1e-7),
+            "the tracks do not exclude an orbit that is off by 24 km and a push of 1e-07 m/s², for which the estimate "
+            "allows: put the accuracy of the orbit into its file, in m, 0 if it is exact and nothing pushes",
+        ),
+        (
+            UntoldAccuracy(0.0, 1e-7),
+            "the tracks do not exclude a push of 1e-07 m/s², for which the estimate allows: put the accuracy of the "
+            "orbit into its file, in m, 0 if it is exact and nothing pushes",
         ),
         (
             DepthNoise(0.00127, 0.0071),

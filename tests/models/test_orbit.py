@@ -24,7 +24,14 @@ def test_parameters_stand_in_the_order_of_the_table():
 
 def test_numbers_and_symbols_have_the_same_fields():
     names = [field.name for field in fields(Elements)]
-    assert [field.name for field in fields(Orbit)] == [*names, "j2", "equatorial_radius", "epoch", "ephemeris"]
+    assert [field.name for field in fields(Orbit)] == [
+        *names,
+        "j2",
+        "equatorial_radius",
+        "epoch",
+        "accuracy",
+        "ephemeris",
+    ]
     values = Elements.of(ca.DM(GOOD.elements))
     assert all(float(getattr(values, name)) == getattr(GOOD, name) for name in names)
     assert len(GOOD.elements) == ELEMENT_COUNT
@@ -96,6 +103,9 @@ def test_j2_stands_with_its_radius():
 @pytest.mark.parametrize(
     "change, message",
     [
+        ({"accuracy": -1.0}, "orbit.accuracy: found -1 m, expected 0 to"),
+        ({"accuracy": 1e6}, "a tenth of semi_major_axis"),
+        ({"accuracy": "1 km"}, "orbit.accuracy: found '1 km', expected a number"),
         ({"j2": EARTH_J2}, "orbit.equatorial_radius: missing, expected a value beside j2"),
         ({"equatorial_radius": EARTH_RADIUS}, "orbit.j2: missing, expected a value beside equatorial_radius"),
         ({"j2": 1082.6, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found 1082.6"),
@@ -108,7 +118,7 @@ def test_j2_stands_with_its_radius():
         ),
     ],
 )
-def test_an_oblateness_that_cannot_be(change, message):
+def test_an_oblateness_or_accuracy_that_cannot_be(change, message):
     with pytest.raises(InputError) as error:
         replace(GOOD, **change)
     assert message in str(error.value)
@@ -116,11 +126,11 @@ def test_an_oblateness_that_cannot_be(change, message):
 
 def test_an_orbit_that_tells_that_there_is_no_j2_is_the_same_kepler_orbit():
     plain = GOOD
-    told = plain.without_untold_j2()
+    told = plain.of_simulation()
     assert (told.j2, told.with_earths_j2()) == (0.0, None)
-    assert told.without_untold_j2() is told
+    assert told.of_simulation() == told
     oblate = plain.with_earths_j2()
-    assert oblate.without_untold_j2() is oblate
+    assert oblate.of_simulation() == replace(oblate, accuracy=0.0)
     time = np.array([0.0, 1e3, 1e5])
     np.testing.assert_array_equal(target_states(told, time), target_states(plain, time))
     np.testing.assert_array_equal(

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.extended import factors_of, parts_of
 from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, with_orbit_error
+from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, InexactOrbitPath, with_orbit_error
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.pivot.unexplained import cost_of
@@ -30,20 +30,20 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
         return found
     if not found.has(DENSITY):
         return found
-    corrected = _refined_on(
+    corrected = refined_on(
         with_orbit_error(path.base, orbit, found.position, path.begin, path.end), path, found, start, options
     )
     if corrected is None or not corrected.has(ORBIT_ERROR):
         return found
     constant = constant_of("lvlh", orbit, path.begin, path.end)
-    pushed = _refined_on(ForcedPath(path.base, constant, path.begin, path.end), path, found, start, options)
+    pushed = refined_on(ForcedPath(path.base, constant, path.begin, path.end), path, found, start, options)
     if pushed is None:
         return corrected
     variance = min(corrected.variance, pushed.variance)
     return found if cost_of(pushed, start, variance) < cost_of(corrected, start, variance) else corrected
 
 
-def _refined_on(
+def refined_on(
     base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution, options: PathOptions
 ) -> Pivot | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
@@ -55,6 +55,17 @@ def _refined_on(
     except ComputationError:
         return None
     return other if other.converged else None
+
+
+def orbit_error_in(found: Pivot, base: Path) -> InexactOrbitPath | None:
+    """The error of the orbit on a path with another base, of the size that a solution has found, if it has one."""
+    index = found.path.prior.index(ORBIT_ERROR)
+    if index is None:
+        return None
+    part = next(one for one in parts_of(found.path) if isinstance(one, ForcedPath) and one.force.names == NAMES)
+    size = float(np.exp(found.posterior.theta[index] / 2))
+    known = replace(part.force, deviations=size * part.force.deviations, scale=None)
+    return InexactOrbitPath(base, known, part.begin, part.end, True, size)
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:

@@ -136,7 +136,7 @@ def _judged(label: str, scenario: Scenario, flight: Flight, wall: dict[str, floa
     method, options = options_of(label)
     begin = clock.perf_counter()
     result, failure = _attempt(
-        lambda: estimate(flight.tracks, method=method, orbit=scenario.orbit.without_untold_j2(), options=options)
+        lambda: estimate(flight.tracks, method=method, orbit=scenario.orbit.of_simulation(), options=options)
     )
     wall[label] = clock.perf_counter() - begin
     if result is None:

@@ -55,7 +55,7 @@ def with_positions(tracks, position, covariance=None):
 
 def run(case, orbit=CIRCULAR, **options):
     """The estimate with an orbit that tells that the truth is without J2."""
-    told = orbit.model().without_untold_j2() if orbit else None
+    told = orbit.model().of_simulation() if orbit else None
     return estimate_by_filter(case.tracks, told, PathOptions(**options))
 
 

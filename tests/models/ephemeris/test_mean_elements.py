@@ -87,6 +87,7 @@ def test_published_positions(tmp_path, form):
     np.testing.assert_allclose(found[:, 3:], expected[:, 3:], atol=1e-4)
     assert orbit.ephemeris.axes == "TEME"
     assert orbit.epoch == epoch
+    assert orbit.accuracy == pytest.approx(1e3, abs=0.1)
 
 
 def test_another_time_0_is_a_shift(tmp_path):
@@ -94,6 +95,7 @@ def test_another_time_0_is_a_shift(tmp_path):
     orbit = load_orbit(path, "2000-06-28T00:50:19.733568")
     time, expected = vectors()
     np.testing.assert_allclose(orbit.ephemeris.states(time - 21600.0)[:, :3], expected[:, :3], atol=0.05)
+    assert orbit.accuracy == pytest.approx(1e3 + 0.25 * 2e3, abs=0.1)  # six hours from the epoch
     # The elements osculate at time 0: there the published ones of the six hours line.
     assert orbit.semi_major_axis == pytest.approx(8635341.424, abs=100)  # with another μ
     assert orbit.eccentricity == pytest.approx(0.185684, abs=2e-5)

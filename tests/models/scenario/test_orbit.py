@@ -33,12 +33,12 @@ def test_a_file_that_is_read_and_written_is_the_same(tmp_path):
     assert second.read_text(encoding="utf-8") == FILE
 
 
-def test_j2_is_read_and_written_where_it_is_given(tmp_path):
+def test_j2_and_accuracy_are_read_and_written_where_they_are_given(tmp_path):
     first, second = tmp_path / "first.toml", tmp_path / "second.toml"
-    text = FILE + "j2 = 0.00108262668\nequatorial_radius = 6378137.0\n"
+    text = FILE + "j2 = 0.00108262668\nequatorial_radius = 6378137.0\naccuracy = 250.0\n"
     first.write_text(text, encoding="utf-8")
     orbit = load_orbit(first)
-    assert (orbit.j2, orbit.equatorial_radius) == (0.00108262668, 6378137.0)
+    assert (orbit.j2, orbit.equatorial_radius, orbit.accuracy) == (0.00108262668, 6378137.0, 250.0)
     write_orbit(orbit, second)
     assert second.read_text(encoding="utf-8") == text
     first.write_text(FILE + "j2 = 0.00108262668\n", encoding="utf-8")

@@ -213,7 +213,7 @@ def test_a_flight_is_written_as_it_is(scenario, tmp_path):
     tracks, truth, orbit = write_flight(flight, tmp_path / "small.csv")
     assert [path.name for path in (tracks, truth, orbit)] == ["small.csv", "small.truth.csv", "small.orbit.toml"]
     np.testing.assert_array_equal(FeatureTracks.read_csv(tracks).position, flight.tracks.position)
-    assert load_orbit(orbit) == flight.scenario.orbit.without_untold_j2()
+    assert load_orbit(orbit) == flight.scenario.orbit.of_simulation()
     columns = np.loadtxt(truth, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(columns[:, 1:4], flight.true_path)
     with pytest.raises(InputError, match=r"ends in '\.txt', expected \.csv, \.parquet, \.nc or \.zarr"):

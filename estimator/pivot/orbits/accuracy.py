@@ -1,0 +1,98 @@
+"""Errors of an orbit that is not exact, and of a push that nobody tells, where the answer rests on them.
+
+Where a target turns too little, or about one axis alone, the features hardly tell the place of its centre of mass in
+some direction. What tells of it then is the gravity gradient, in a low orbit a millionth of a metre per second squared
+for each metre: an orbit that is a little off, or a push of as much, moves the answer by many times its claim. Most
+often the path shows that there is none; where it does not, the claim has to allow for it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
+from baryscope.estimator.dynamics.forces import Force, ForcedPath, constant_of
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
+from baryscope.estimator.findings import UntoldAccuracy
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.error import (
+    ORBIT_ERROR,
+    UNTOLD_PUSH,
+    UNTOLD_TURN,
+    InexactOrbitPath,
+    inexact_parts,
+    orbit_error,
+)
+from baryscope.estimator.pivot.found import DECISIVE, Pivot
+from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.orbits.corrected import refined_on
+from baryscope.estimator.pivot.reduced import scaled
+from baryscope.estimator.pivot.refinement import InitialSolution
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-12  # share of a force's variances, that is as none
+RESTS = 2.0  # times as wide a claim, from which the answer rests on a force
+
+
+def with_errors_of_orbit(found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions) -> Pivot:
+    """The solution with an error of the orbit among the unknowns, if its accuracy is told, or the tracks do not exclude
+    what is likely where it is not, and the answer rests on it; likewise with a constant push.
+    """
+    path = found.path
+    if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
+        return found
+    parts = []
+    if path.prior.index(ORBIT_ERROR) is None:
+        told = orbit.accuracy is not None
+        deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
+        displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
+        if told or _is_in_doubt(found, path, displaced):
+            parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, deviation))
+    if options.constant_acceleration == "none" and path.density is None:
+        pushed = constant_of("lvlh", orbit, path.begin, path.end)
+        pushed = replace(pushed, deviations=np.full(3, UNTOLD_PUSH))
+        if _is_in_doubt(found, path, pushed):
+            parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, UNTOLD_PUSH))
+    if not parts:
+        return found
+    base: Path = path.base
+    for part in parts:
+        base = replace(part, base=base)
+    other = refined_on(base, path, found, start, options)
+    return found if other is None else other
+
+
+def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
+    """The finding of a path that allows for errors of the orbit, or a push, that nobody tells."""
+    untold = {part.force.unit: part.deviation for part in inexact_parts(path) if not part.told}
+    return (UntoldAccuracy(untold.get("m", 0.0), untold.get("m/s²", 0.0)),) if untold else ()
+
+
+def _is_in_doubt(found: Pivot, path: ProcessNoisePath, force: Force) -> bool:
+    """Whether the tracks do not exclude a force, and the claim is much wider with it, at any frame in any direction.
+
+    To first order, with the solution's weights; some frames are looked at, with the weights of all.
+    """
+    few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
+    observations, count = few.standing_for_all()
+    time = found.time[few.rows]
+    columns = ForcedPath(path.base, force, path.begin, path.end).response(time).position(time)
+    scale = np.sqrt(np.mean(np.sum(columns**2, axis=1), axis=0))
+    sampled = found.sampled.frames_at(few.rows).extended(columns / scale)
+    at = np.concatenate([found.solution.x, np.zeros(len(scale))])
+    of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
+    linear = scaled(linearised(few.bodies, observations, sampled, at, of_frames, found.offsets), found.variance)
+    costs, covariances = [], []
+    for share in (NEGLIGIBLE, 1.0):
+        prior = path.prior.joined(Prior.known(share * (force.deviations * scale) ** 2))
+        costs.append(cost(linear, prior, maximise(linear, prior)))
+        covariances.append(sampled.covariance(conditional(linear, prior, found.posterior.theta)[1]))
+    if costs[1] - costs[0] >= DECISIVE:
+        return False
+    return bool(np.linalg.eigvals(np.linalg.solve(*covariances)).real.max() >= RESTS**2)

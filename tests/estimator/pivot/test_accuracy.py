@@ -1,0 +1,68 @@
+"""Answers that rest on how exact the orbit is: along the axis of a spin the gravity gradient alone tells the place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.findings import UntoldAccuracy, WrongOrbit
+from baryscope.estimator.methods import estimate
+from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+
+ORBIT = Orbit().model().of_simulation()
+TIME = np.arange(0.0, 600.0, 2.0)
+COM = RelativeOrbit(ORBIT, 300.0).at(TIME).position(np.array([5.0, -20.0, 4.0, 0.0, -10.0, 4.0]))
+SPIN = Rotation.from_rotvec(np.outer(0.05 * TIME, [0.0, 0.0, 1.0])).as_matrix()
+TURN = np.deg2rad(0.3)
+AHEAD = replace(ORBIT, true_anomaly=ORBIT.true_anomaly + TURN)
+METHODS = ("pivot", "ml", "ekf")
+
+
+def spinning(seed):
+    return make_case(TIME, SPIN, COM, box_features(8, (10, 4, 4), 1), noise=0.005, seed=seed).tracks
+
+
+def along_axis(found):
+    """Error and standard deviation along the axis, in the middle, m."""
+    k = len(TIME) // 2
+    return found.position[k, 2] - COM[k, 2], np.sqrt(found.covariance[k, 2, 2])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_nobody_tells_of_the_orbit_is_allowed_for(method):
+    """Beyond four deviations none of three is; claimed to be exact, the orbit puts those 10 off where none finds it."""
+    exact = []
+    for seed in range(3):
+        tracks = spinning(seed)
+        untold = estimate(tracks, orbit=replace(AHEAD, accuracy=None), method=method)
+        error, deviation = along_axis(untold)
+        assert abs(error) < 4 * deviation
+        assert any(isinstance(one, UntoldAccuracy | WrongOrbit) for one in untold.findings)
+        told = estimate(tracks, orbit=replace(AHEAD, accuracy=TURN * ORBIT.semi_major_axis), method=method)
+        error, deviation = along_axis(told)
+        assert abs(error) < 4 * deviation
+        assert not any(isinstance(one, UntoldAccuracy) and one.place for one in told.findings)
+        error, deviation = along_axis(estimate(tracks, orbit=AHEAD, method=method))
+        exact.append(abs(error) / deviation)
+    assert np.max(exact) > 10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_orbit_that_is_exact_is_taken_at_its_word(method):
+    """Three normalised squares along the axis: beyond 1e-4 none; claimed to centimetres, of a body of ten metres."""
+    for seed in range(3):
+        error, deviation = along_axis(estimate(spinning(seed), orbit=ORBIT, method=method))
+        assert deviation < 0.01
+        assert (error / deviation) ** 2 < chi2.isf(1e-4, 1)
+
+
+def test_a_tumble_rests_on_no_orbit():
+    """Features that turn about all axes tell the centre of mass: nothing is allowed for, and the claim stays."""
+    R = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
+    tracks = make_case(TIME, R, COM, box_features(8, (10, 4, 4), 1), noise=0.02, seed=3).tracks
+    untold, exact = (estimate(tracks, orbit=replace(ORBIT, accuracy=one)) for one in (None, 0.0))
+    assert untold.findings == ()
+    np.testing.assert_array_equal(untold.covariance, exact.covariance)
