@@ -121,6 +121,23 @@ def test_the_gain_is_the_ratio_of_two_marginal_likelihoods():
     assert found.gain == pytest.approx(expected, abs=0.05)  # what is left out is a thirtieth of a deviation
 
 
+def test_the_gain_does_not_depend_on_where_the_tracks_are_linearised():
+    """The same likelihood about other coefficients: −2 ln p is a constant less for orbit and law alike."""
+    linear, smooth, theta = seen(on(LOW.model()), 0.5 * LOW.model().period, 0.05, frames=200, degree=12)
+    away = 0.01 * np.random.default_rng(1).standard_normal(len(linear.x))
+    other = GaussianLikelihood(linear.information, linear.information @ away, linear.x - away)
+    gains = [likeliest_orbit(one, smooth, theta).gain for one in (linear, other)]
+    assert gains[0] == pytest.approx(gains[1], abs=1e-3)  # the search ends where squares change by 10⁻⁸ of them
+
+
+def test_low_degrees_lead_to_the_orbit_where_high_ones_are_noise():
+    """Two fifths of a revolution about the apoapsis, in 3 cm of noise: accelerations by all degrees lead nowhere."""
+    model = Written(semi_major_axis=18.65e6, eccentricity=0.535, anomaly=2.52).model()
+    found = likeliest_orbit(*seen(on(model), 0.43 * model.period, 0.03, frames=150, degree=30))
+    assert found is not None
+    assert found.elements.period == pytest.approx(model.period, rel=0.05)
+
+
 def test_an_orbit_is_not_told_where_its_likelihood_is_no_gaussian():
     """A twentieth of a revolution in 10 cm of noise: a period of another length, at a gain far beyond chance."""
     model = ELLIPSE.model()
