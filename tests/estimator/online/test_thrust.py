@@ -226,13 +226,23 @@ def test_thrust_that_is_none_is_refused():
         OnlineEstimator(SIGMA, thrust_std=-0.1)
 
 
-FUNCTIONS = """#include "library.c"
+FUNCTIONS = """#include <string.h>
+#include "library.c"
 void move(const double wrong[4], const double axes[3][3], const double told[3], double moved[3], double errors[3][4])
 { truly_moved(wrong, axes, told, moved, errors); }
 int level(void) { return PATH_AND_MAP; }
 int errors(void) { return ERRORS; }
 void regress(const double *before, double S[PATH_AND_MAP][PATH_AND_MAP], double x[ERRORS], double P[ERRORS][ERRORS])
-{ follow_path_and_map(before, S, x, P); }"""
+{ follow_path_and_map(before, S, x, P); }
+void of_node(double manoeuvred, double by_thrust[3][4], double of_thrust[4][4], double found[3][3])
+{
+    static Online filter;
+    Measurement measurement = {0};
+    filter.manoeuvred = manoeuvred;
+    memcpy(filter.of_thrust, of_thrust, sizeof filter.of_thrust);
+    memcpy(measurement.by_thrust, by_thrust, sizeof measurement.by_thrust);
+    add_thrust_of_node(&filter, &measurement, found);
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -245,6 +255,24 @@ def core(tmp_path_factory):
 
 def called(function, *arrays):
     function(*(one.ctypes.data_as(ctypes.c_void_p) for one in arrays))
+
+
+@pytest.mark.parametrize("manoeuvred", [False, True])
+def test_what_a_node_says_is_uncertain_by_the_thrusters_in_as_many_nodes_as_a_day_has(core, manoeuvred):
+    """Against B P Bᵀ in each of a day's nodes, of a target that turns in 22 s; nothing before a manoeuvre."""
+    rng = np.random.default_rng(6)
+    B, root = rng.normal(size=(3, 4)), rng.normal(size=(4, 4))
+    P, own = root @ root.T, np.eye(3)
+    found = own.copy()
+    core.of_node.argtypes = [ctypes.c_double, *[ctypes.c_void_p] * 3]
+    core.of_node(float(manoeuvred), *(one.ctypes.data_as(ctypes.c_void_p) for one in (B, P, found)))
+    if manoeuvred:
+        nodes = (found - own) / (B @ P @ B.T)
+        np.testing.assert_allclose(nodes, nodes[0, 0], rtol=1e-9)
+        # A node ends where the target has turned by 0.25 rad at most: of 24 h / 22 s turns there are 25 each.
+        assert nodes[0, 0] == pytest.approx(86400 / 22 * 2 * np.pi / 0.25, rel=0.1)
+    else:
+        np.testing.assert_array_equal(found, own)
 
 
 def test_thrusters_that_are_wrong_move_by_a_scale_and_a_rotation(core):
