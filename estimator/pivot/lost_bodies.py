@@ -30,12 +30,12 @@ def brought_back_bodies(
     """The bodies and weights (n, m) with those bodies at the path again of which all is rejected; None if none is.
 
     A body whose offset was badly known at first is far from a path that others tell. The median of its observations
-    tells its offset from the path.
+    tells its offset from the path. Frames that have joined it since then by a wrong one leave it.
 
     Args:
         bodies: with points from the centre of mass.
         weight: (n, m), their robust weights.
-        start: the bodies with which the iteration began, whose attitudes are those of registration.
+        start: the bodies with which the iteration began, in their frames, whose attitudes are those of registration.
         registered: their shapes, with points from their centroid; start and these may have more features.
         first: the observations with the weights from which the iteration began.
         origin: (n, 3) in C, m: the path.
@@ -43,14 +43,15 @@ def brought_back_bodies(
     moved, weight, lost = list(bodies), weight.copy(), False
     for index, (body, whole, shape) in enumerate(zip(bodies, start, registered, strict=True)):
         own, points = whole.like(body), shape.like(body).points
-        block = np.ix_(body.frames, body.features)
+        now, block = np.ix_(body.frames, body.features), np.ix_(own.frames, body.features)
         before = first.weight[block]
-        if weight[block].sum() > LOST * before.sum():
+        if weight[now].sum() > LOST * before.sum():
             continue
-        seen = first.position[block] - origin[body.frames][:, None]
+        seen = first.position[block] - origin[own.frames][:, None]
         apart = (seen @ own.attitude - points)[before >= LOST]
         if len(apart):
             moved[index] = replace(own, points=points + np.median(apart, axis=0))
+            weight[now] = 0.0
             weight[block], lost = before, True
     return (tuple(moved), weight) if lost else None
 

@@ -234,6 +234,7 @@ class _Refinement:
         weight, began = self.observations.weight, (start.bodies, start.registered, start.observations)
         near = brought_back_bodies(self.bodies, weight, *began, self._origin())
         self.brought_back = near is not None
+        self.extended = self.extended and not self.brought_back  # its frames of two features may join at the path
         return self._take(near)
 
     def _add_few_features(self) -> bool:

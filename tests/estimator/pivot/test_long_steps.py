@@ -74,3 +74,29 @@ def test_a_body_that_the_path_has_lost_is_brought_back():
     np.testing.assert_array_equal(back.attitude, R[second])
     # The median of 50 frames of eight features.
     np.testing.assert_allclose(back.points, FEATURES, atol=5 * 1.25 * NOISE / np.sqrt(400))
+
+
+def test_frames_that_joined_a_lost_body_leave_it_when_it_is_brought_back():
+    """Two features of it gave them an attitude about a wrong path, and the start has none: its frames are those of the
+    start, and what else was seen of it is not used, as before.
+    """
+    time, R = turning(FRAMES, 1.0)
+    case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=4)
+    began, joined = np.arange(150, FRAMES), np.arange(140, 150)
+    features, shape = np.arange(len(FEATURES)), FEATURES - FEATURES.mean(axis=0)
+    start = Body(features, began, shape, R[began])
+    both = np.concatenate([joined, began])
+    lost = Body(features, both, FEATURES + np.array([5.0, 0.0, 0.0]), np.swapaxes(R[both], 1, 2))
+    first = np.zeros(case.tracks.seen.shape)
+    first[began] = 1.0
+    measured = Observations(case.tracks.position, first)
+    weight = first.copy()
+    weight[both] = 1e-9
+    found = brought_back_bodies((lost,), weight, (start,), (start,), measured, at_rest(time))
+    assert found is not None
+    (back,), weights = found
+    np.testing.assert_array_equal(back.frames, began)
+    np.testing.assert_array_equal(back.attitude, R[began])
+    np.testing.assert_array_equal(weights, first)
+    # The median of 50 frames of eight features.
+    np.testing.assert_allclose(back.points, FEATURES, atol=5 * 1.25 * NOISE / np.sqrt(400))
