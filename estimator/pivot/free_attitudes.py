@@ -19,11 +19,11 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.geometry.gauge import are_in_line, offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
-from baryscope.estimator.pivot.lost_bodies import told_features
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, Reason
@@ -33,6 +33,7 @@ BoolArray = NDArray[np.bool_]
 
 WORSE = 0.01  # increase of −2 ln p, for each observation, from which a step was too long
 MOST_HALVINGS = 5  # of one step
+LEAST = 3  # features of a body
 MAX_LENGTH = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
 
 
@@ -254,3 +255,12 @@ def linearised(
         noise_cost,
         offset_cost,
     )
+
+
+def told_features(body: Body, weight: FloatArray) -> BoolArray:
+    """The features (m,) of a body of which weights (n, m) do not reject all observations; all where these are too few,
+    or in a line.
+    """
+    told = np.asarray((weight[np.ix_(body.frames, body.features)] >= REJECTED).any(axis=0))
+    few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
+    return np.ones_like(told) if few else told

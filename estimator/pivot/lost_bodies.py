@@ -6,17 +6,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
-from baryscope.estimator.geometry.gauge import are_in_line
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED, WEIGHT_CHANGE_TOLERANCE, reweighted
+from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.pivot.free_attitudes import linearised, told_features
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LOST = 0.1  # share of a body's weight that is left where a path has lost it
-LEAST = 3  # features of a body
-FEWEST = 2  # of them in a frame
+FEWEST = 2  # features in a frame
+MOST_STEPS = 30  # of a body that is brought back, at the path
 
 
 def brought_back_bodies(
@@ -56,6 +57,47 @@ def brought_back_bodies(
     return (tuple(moved), weight) if lost else None
 
 
+def regained(
+    near: tuple[tuple[Body, ...], FloatArray],
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    sampled: SampledPath,
+    x: FloatArray,
+    least: float,
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """The bodies and weights (n, m) of `brought_back_bodies`, with shapes and outliers as the path has them.
+
+    Where outliers have spoilt the attitudes of registration, all of a body is far from the path to the noise of others,
+    and is rejected at once. Here each settles by itself, with weights by its own residuals, which may be many outliers.
+
+    Args:
+        near: what has been brought back.
+        bodies: those before; the others of `near` are the same.
+        observations: of all.
+        sampled: the path, which is held at x (p,).
+        least: lower bound of the variance of an observation of weight 1.
+    """
+    found, weight = list(near[0]), near[1].copy()
+    for index, (body, before) in enumerate(zip(near[0], bodies, strict=True)):
+        if body is before:
+            continue
+        block = np.ix_(body.frames, body.features)
+        alone = np.zeros_like(weight)
+        alone[block] = weight[block]
+        own, cost = observations.weighted(alone), np.inf
+        dof = max(values_for_path((body,), own), 1.0)
+        for _ in range(MOST_STEPS):
+            problem = linearised((found[index],), own, sampled, x)
+            last, cost = cost, float(problem.squares.sum())
+            if abs(cost - last) <= WEIGHT_CHANGE_TOLERANCE * cost:
+                break
+            (turned,), (inverse,), (rhs,), (told,) = problem.bodies, problem.inverse, problem.points_rhs, problem.told
+            found[index] = turned.moved(inverse @ rhs, told)
+            own = own.weighted(reweighted(problem.squares, own.weight, dof, least, many=True))
+        weight[block] = own.weight[block]
+    return tuple(found), weight
+
+
 def without_scraps(bodies: Sequence[Body], weight: FloatArray) -> FloatArray:
     """Weights (n, m) that leave nothing of bodies of which hardly anything is right.
 
@@ -87,12 +129,3 @@ def without_untold_features(bodies: tuple[Body, ...], weight: FloatArray) -> tup
         weight[np.ix_(body.frames, body.features)] *= told
         fewer.append(body if told.all() else body.of_features(told))
     return (tuple(fewer), weight) if fewer != list(bodies) else None
-
-
-def told_features(body: Body, weight: FloatArray) -> BoolArray:
-    """The features (m,) of a body of which weights (n, m) do not reject all observations; all where these are too few,
-    or in a line.
-    """
-    told = np.asarray((weight[np.ix_(body.frames, body.features)] >= REJECTED).any(axis=0))
-    few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
-    return np.ones_like(told) if few else told

@@ -25,7 +25,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
-from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, without_scraps, without_untold_features
+from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, regained, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
@@ -233,6 +233,8 @@ class _Refinement:
         start = self.start
         weight, began = self.observations.weight, (start.bodies, start.registered, start.observations)
         near = brought_back_bodies(self.bodies, weight, *began, self._origin())
+        if near is not None:
+            near = regained(near, self.bodies, self.observations, self.sampled, self.x, self.floor)
         self.brought_back = near is not None
         self.extended = self.extended and not self.brought_back  # its frames of two features may join at the path
         return self._take(near)
