@@ -69,16 +69,20 @@ class Browser:
         text, self._rest = self._rest.split(b"\0", 1)
         return json.loads(text)
 
-    def open(self, path, dark=False, still=False):
-        """Load a file for a reader who likes it dark, or still, and wait until its script is done."""
+    def open(self, path, dark=False, still=False, ready="document.documentElement.dataset.ready === 'true'"):
+        """Load a file for a reader who likes it dark, or still, and wait until it is ready, as its script says."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         motion = {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"}
         self.call("Emulation.setEmulatedMedia", features=[scheme, motion])
         self.events.clear()
         done = self.call("Page.navigate", url=path.resolve().as_uri())
         assert "errorText" not in done, done["errorText"]
+        self.wait(f"document.readyState === 'complete' && {ready}")
+
+    def wait(self, expression):
+        """Wait until an expression of the page is true."""
         deadline = time.monotonic() + PATIENCE
-        while self.value("document.readyState === 'complete' && document.documentElement.dataset.ready") != "true":
+        while self.value(f"Boolean({expression})") is not True:
             assert time.monotonic() < deadline, self.complaints
             assert not self.complaints, self.complaints
 
