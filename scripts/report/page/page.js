@@ -29,6 +29,9 @@ function Words(part) {
   return [el("ul", { class: "words" }, ...part.lines.map((text) => el("li", { text })))];
 }
 
+const unfolding = []; // what draws the tabs that are not yet drawn: paper has them all
+window.addEventListener("beforeprint", () => { for (const unfold of unfolding) unfold(); });
+
 function Tabs(part) {
   const panels = part.choices.map(([name]) => el("div", { role: "tabpanel", id: newId("panel"), "aria-label": name, hidden: true }));
   const tabs = part.choices.map(([text], k) => el("button", {
@@ -38,11 +41,17 @@ function Tabs(part) {
       if (step) { pick((k + step + tabs.length) % tabs.length); tabs[(k + step + tabs.length) % tabs.length].focus(); }
     },
   }));
+  function fill(index) {
+    const [name, parts] = part.choices[index];
+    if (panels[index].childNodes.length) return;
+    panels[index].append(el("p", { class: "only-paper", text: `${part.title}: ${name}` }), ...parts.map((inner) => section(inner, 3)));
+  }
   function pick(index) {
     panels.forEach((panel, k) => { panel.hidden = k !== index; });
     tabs.forEach((tab, k) => { tab.setAttribute("aria-selected", String(k === index)); tab.setAttribute("tabindex", k === index ? "0" : "-1"); });
-    if (!panels[index].childNodes.length) panels[index].append(...part.choices[index][1].map((inner) => section(inner, 3)));
+    fill(index);
   }
+  unfolding.push(() => part.choices.forEach((_, k) => fill(k)));
   pick(part.first);
   return [el("div", { role: "tablist", "aria-label": part.title }, ...tabs), ...panels];
 }

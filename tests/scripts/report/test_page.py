@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -186,3 +187,22 @@ def test_light_and_dark_and_print(page, tmp_path):
     page.click("button.theme")
     assert page.value(colour) == light
     assert page.call("Page.printToPDF")["data"].startswith("JVBER")  # %PDF in base 64
+
+
+def test_paper_has_the_parts_of_every_tab(page):
+    """Also of those that were never opened, each under its name; the screen has one at a time again."""
+    page.open(Path(page.value("decodeURI(location.pathname)")))
+    panels = "[...document.querySelectorAll('[role=tabpanel]')]"
+    visible = f"{panels}.map((one) => one.checkVisibility() && one.querySelectorAll('section').length)"
+    closed, opened = page.value(visible)
+    assert closed is False
+    page.call("Page.printToPDF")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert min(page.value(visible)) >= 4
+    assert page.value(f"{panels}.map((one) => one.innerText.split('\\n')[0])") == [
+        "Each method: screw-raw",
+        "Each method: pivot",
+    ]
+    page.call("Emulation.setEmulatedMedia", media="")
+    assert page.value(visible) == [False, opened]
+    assert "Each method: " not in page.value("document.querySelector('main').innerText")
