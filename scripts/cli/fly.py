@@ -12,7 +12,8 @@ from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.progress import Progress, stage
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.study.loop import Loop, fly_loop
-from baryscope.study.loop_files import REPORT, loop_paths, summary_of, write_loop
+from baryscope.study.loop_files import REPORT, loop_paths, write_loop
+from baryscope.study.loop_summary import summary_of
 
 
 def fly(

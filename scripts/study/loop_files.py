@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
-from baryscope import __version__
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
-from baryscope.models.approach.reckoning import RECKONING, RETREAT
 from baryscope.models.files import AnyPath, write_together
-from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report import html_of
 from baryscope.study.flight import write_truth
 from baryscope.study.loop import Loop
 from baryscope.study.loop_report import marks_of, report_of_loop
+from baryscope.study.loop_summary import summary_of
 from baryscope.study.pictures import pictures_possible, save
 
 if TYPE_CHECKING:
@@ -29,56 +27,6 @@ REPORT, PICTURE = "report.html", "flight.png"
 def loop_paths(folder: AnyPath) -> tuple[Path, ...]:
     """The files that a flight may have."""
     return tuple(Path(folder) / name for name in (TRACKS, TRUTH, ESTIMATE, SUMMARY, REPORT, PICTURE))
-
-
-def summary_of(loop: Loop) -> dict[str, Any]:
-    """What came of a flight, in SI units; None where there is no value.
-
-    The second half of the flight counts for errors and NEES, which is of 3 degrees of freedom; the last tenth for the
-    largest miss. untracked is for how long the estimator, once it had tracked the target, did not, untracked_since from
-    when on at last; reckoned and retreated for how long the controller was in these modes, retreating_since from when
-    on at last, None of one without modes. nearest is to the centre of mass, nearest_feature to any feature; inside for
-    how long the chaser was in the features' convex hull.
-    """
-    half = slice(len(loop.time) // 2, None)
-    known = loop.tracking[half]
-    step = float(loop.time[0])
-    before = np.flatnonzero(loop.tracking)
-    moded, retreats = bool(np.isfinite(loop.mode).any()), loop.mode == RETREAT
-    on_course = np.flatnonzero(~retreats)
-
-    def first(flags: Any) -> float | None:
-        return float(loop.time[np.argmax(flags)]) if flags.any() else None
-
-    def rms(values: Any) -> float | None:
-        return float(np.sqrt(np.mean(values[half][known] ** 2))) if known.any() else None
-
-    return {
-        "version": __version__,
-        "duration": float(loop.time[-1]),
-        "step": step,
-        "samples": len(loop.tracks.time),
-        "tracking_since": first(loop.tracking),
-        "tumble_known_since": first(loop.tumble),
-        "synchronised_since": first(loop.synchronised),
-        "tracking_share": float(known.mean()),
-        "untracked": float((~loop.tracking[before[0] :]).sum() * step) if before.size else None,
-        "untracked_since": float(loop.time[before[-1] + 1]) if before.size and not loop.tracking[-1] else None,
-        "reckoned": float((loop.mode == RECKONING).sum() * step) if moded else None,
-        "retreated": float(retreats.sum() * step) if moded else None,
-        "retreating_since": float(loop.time[on_course[-1] + 1]) if retreats[-1] else None,
-        "position_rmse": rms(loop.error),
-        "claimed_rmse": rms(loop.deviation),
-        "mean_nees": float(loop.nees[half][known].mean()) if known.any() else None,
-        "largest_miss": float(loop.miss[-max(1, len(loop.time) // 10) :].max()),
-        "last_miss": float(loop.miss[-1]),
-        "nearest": float(np.linalg.norm(loop.chaser, axis=1).min()),
-        "nearest_feature": float(loop.clearance.min()),
-        "inside": float(loop.inside.sum() * step),
-        "inside_since": first(loop.inside),
-        "velocity_change": float(np.linalg.norm(loop.command, axis=1).sum() * step),
-        "status": STATUSES[loop.status[-1]],
-    }
 
 
 def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Path, ...]:

@@ -15,6 +15,7 @@ from baryscope.report.estimates import coverage
 from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, body_points, scene_of
 from baryscope.study.loop import Loop
+from baryscope.study.loop_summary import QUANTITIES
 
 ONLINE = 5  # its colour
 VERDICTS = {
@@ -22,6 +23,7 @@ VERDICTS = {
     "doubtful": ("bad", "At last the estimator doubts its estimate."),
     "lost": ("bad", "At last the estimator has lost the target."),
 }
+OPTIONS = {"of": "scenario or system", "duration": "duration, s", "step": "step, s"}
 
 
 def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -> Report:
@@ -42,8 +44,11 @@ def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -
         _places(loop, marks),
         _commands(loop, marks),
         coverage(loop.tracks.time, loop.tracks.labels, loop.tracks.seen),
-        _facts("What came of it, in SI units", found),
-        _facts("Options", options),
+        Facts(
+            "What came of it",
+            tuple((words, _text(found[name], unit, factor)) for name, (words, unit, factor) in QUANTITIES.items()),
+        ),
+        Facts("Options", tuple((OPTIONS.get(name, name), _text(value)) for name, value in options.items())),
     ]
     verdict = VERDICTS.get(found["status"], ("warn", f"At last the estimator is {found['status']}."))
     if found["retreating_since"] is not None:
@@ -144,8 +149,11 @@ def _commands(loop: Loop, marks: tuple[tuple[float, str], ...]) -> Chart:
     )
 
 
-def _facts(title: str, values: dict[str, Any]) -> Facts:
-    def words(value: Any) -> str:
-        return "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
-
-    return Facts(title, tuple((name.replace("_", " "), words(value)) for name, value in values.items()))
+def _text(value: Any, unit: str = "", factor: float = 1) -> str:
+    """A value of flight.json for readers."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    digits = str(value) if isinstance(value, str) else f"{factor * value:.5g}"
+    return f"{digits} {unit}".rstrip()

@@ -18,8 +18,9 @@ from baryscope.scripts.cli.app import main
 from baryscope.scripts.cli.fly import _words
 from baryscope.study import report_of_loop
 from baryscope.study.loop import MOST_STEPS, fly_loop, inside_hull
-from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+from baryscope.study.loop_files import loop_paths, write_loop
 from baryscope.study.loop_report import marks_of
+from baryscope.study.loop_summary import QUANTITIES, summary_of
 from systems import rewritten
 
 
@@ -202,7 +203,29 @@ def test_the_report_shows_the_flight(held, envisat):
         [found["tumble_known_since"], "tumble known"],
     ]
     assert "LVLH axes" in parts["Error along each axis"]["about"]
-    assert ["status", "tracking"] in parts["What came of it, in SI units"]["items"]
+
+
+def test_the_report_tells_what_came_of_it_in_words(held):
+    """Every number of the summary, under a name of its own that is no field's, in its unit."""
+    found = summary_of(held)
+    options = {"of": "envisat", "duration": 400.0, "step": None, "approach": False}
+    parts = {part["title"]: part for part in data_of(report_of_loop(held, found, options))["parts"]}
+    told = dict(parts["What came of it"]["items"])
+    assert list(QUANTITIES) == list(found)
+    assert len(told) == len(found)
+    assert not any("_" in name for name in told)
+    assert told["estimator at last"] == "tracking"
+    assert told["in retreat at last, since"] == "-"
+    assert told["target tracked since"] == f"{found['tracking_since']:.5g} s"
+    assert float(told["RMSE of the centre of mass, second half"].removesuffix(" mm")) == pytest.approx(
+        1000 * found["position_rmse"], rel=1e-4
+    )
+    assert parts["Options"]["items"] == [
+        ["scenario or system", "envisat"],
+        ["duration, s", "400"],
+        ["step, s", "-"],
+        ["approach", "no"],
+    ]
 
 
 def test_the_command(system, tmp_path, capsys):
