@@ -22,6 +22,7 @@ from baryscope.estimator.screws import gpa, least_squares, raw
 from baryscope.estimator.screws.pipeline import estimate_by_screws
 from baryscope.estimator.screws.stages import ScrewFunction
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.arguments import instance_of
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
@@ -158,8 +159,8 @@ def estimate(
         ("camera", camera, Camera, "as of Camera.load"),
     )
     for name, value, kind, source in given:
-        if not isinstance(value, kind) and (value is not None or name == "tracks"):
-            raise InputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}, {source}")
+        if value is not None or name == "tracks":
+            instance_of(name, value, kind, source)
     refuse_implausible(tracks, "tracks")
     if camera is not None:
         tracks = camera.inertial(tracks)

@@ -1,7 +1,7 @@
 """Tracks of features on the target's surface, the input of the estimators, in memory and as a CSV file."""
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -15,8 +15,8 @@ from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST, SHORTEST_STEP, STRETCHED
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
-from baryscope.models.arguments import array_of
-from baryscope.models.ephemeris.utc import utc_of, utc_text
+from baryscope.models.arguments import array_of, instance_of
+from baryscope.models.ephemeris.utc import Utc, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes, write_together
 from baryscope.models.words import counted
@@ -33,8 +33,8 @@ class FeatureTracks:
     time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN, or masked, where a feature is not
     seen;
     covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around; epoch:
-    UTC of time 0 in ISO 8601, or None if it is not known; camera: the turning one through which they were seen, whose
-    errors they share (`Camera.inertial`), or None. Files have no camera.
+    UTC of time 0 in ISO 8601, given as text or as datetime, or None if it is not known; camera: the turning one through
+    which they were seen, whose errors they share (`Camera.inertial`), or None. Files have no camera.
 
     Times, steps, positions and covariances lie within the ranges of `limits`. Arrays are copied: what becomes of those
     that were given changes nothing.
@@ -56,11 +56,13 @@ class FeatureTracks:
         position: ArrayLike,
         labels: Sequence[str],
         covariance: ArrayLike | None = None,
-        epoch: str | None = None,
+        epoch: Utc | None = None,
         camera: Camera | None = None,
     ) -> None:
+        if camera is not None:
+            instance_of("camera", camera, Camera, "as of Camera.load")
         object.__setattr__(self, "camera", camera)
-        object.__setattr__(self, "labels", tuple(map(_label, labels)))
+        object.__setattr__(self, "labels", labels_of("labels", labels))
         object.__setattr__(self, "covariance", None)
         given = {"time": time, "position": position} | ({} if covariance is None else {"covariance": covariance})
         for name, value in given.items():
@@ -89,12 +91,13 @@ class FeatureTracks:
         Raises:
             InputError: there is no feature of a label, or one stands twice.
         """
+        labels = labels_of("labels", labels)
         missing = next((label for label in labels if label not in self.labels), None)
         if missing is not None:
             raise InputError(f"label {missing!r}: expected some of {', '.join(self.labels)}")
         columns = [self.labels.index(label) for label in labels]
         covariance = None if self.covariance is None else self.covariance[:, columns]
-        return replace(self, position=self.position[:, columns], labels=tuple(labels), covariance=covariance)
+        return replace(self, position=self.position[:, columns], labels=labels, covariance=covariance)
 
     @classmethod
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":
@@ -251,6 +254,17 @@ class FeatureTracks:
 def errors_of(tracks: FeatureTracks) -> SharedErrors | None:
     """The errors of the tracks' camera at their times; None without a camera."""
     return None if tracks.camera is None else tracks.camera.errors(tracks.time, tracks.epoch)
+
+
+def labels_of(name: str, labels: Sequence[str]) -> tuple[str, ...]:
+    """Labels without blanks around.
+
+    Raises:
+        InputError: they are none, or one is no text; the message has `name`.
+    """
+    if not isinstance(labels, Iterable):
+        raise InputError(f"{name}: found {labels!r}, expected a text for each feature")
+    return tuple(map(_label, labels))
 
 
 def _label(label: object) -> str:

@@ -1,4 +1,4 @@
-"""Checks of arguments: arrays of numbers in a given shape, and single numbers."""
+"""Checks of arguments: arrays of numbers in a given shape, single numbers, and kinds of objects."""
 
 import reprlib
 
@@ -48,6 +48,16 @@ def number_within(name: str, value: object, low: float, high: float, expected: s
     if not (single and low <= array <= high):
         raise InputError(f"{name} is {array if single else _shown(value)}, expected {expected}")
     return float(array)
+
+
+def instance_of(name: str, value: object, kind: type, source: str) -> None:
+    """Check that a value is of a kind, which has a `source`.
+
+    Raises:
+        InputError: it is of another kind; the message has `name` and `source`.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}, {source}")
 
 
 def _shown(value: object) -> str:

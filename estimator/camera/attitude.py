@@ -12,7 +12,7 @@ from baryscope.estimator.tables.form import Form
 from baryscope.estimator.tables.table import read_table
 from baryscope.models.arguments import array_of
 from baryscope.models.checks import UNIT_TOLERANCE
-from baryscope.models.ephemeris.utc import seconds_between, utc_of, utc_text
+from baryscope.models.ephemeris.utc import Utc, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
 from baryscope.models.words import brief
@@ -30,8 +30,8 @@ LONGEST_GAP = 10.0  # median intervals: what the camera did in a longer one is n
 class AttitudeSeries:
     """The camera's attitude: time (k,) in s, ascending; quaternion (k, 4), w x y z, that turns camera axes into C.
 
-    epoch: UTC of time 0 in ISO 8601, or None if it is not known. Signs are such that successive quaternions are near
-    each other.
+    epoch: UTC of time 0 in ISO 8601, given as text or as datetime, or None if it is not known. Signs are such that
+    successive quaternions are near each other.
 
     Raises:
         InputError: a shape, an order or a value is not as above, or a quaternion's length is not 1.
@@ -43,7 +43,7 @@ class AttitudeSeries:
 
     __repr__ = brief
 
-    def __init__(self, time: ArrayLike, quaternion: ArrayLike, epoch: str | None = None) -> None:
+    def __init__(self, time: ArrayLike, quaternion: ArrayLike, epoch: Utc | None = None) -> None:
         times, values = array_of("camera's attitude: time", time), array_of("camera's attitude: quaternion", quaternion)
         if times.ndim != 1 or not len(times) or values.shape != (len(times), 4):
             raise InputError(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.rig import Rig, load_rig
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.models.arguments import instance_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 
@@ -37,10 +38,20 @@ T = TypeVar("T", bound=_Tracks)
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera on the chaser: its attitude over time, and its rig."""
+    """A camera on the chaser: its attitude over time, and its rig.
+
+    Raises:
+        InputError: one of them is something else.
+    """
 
     attitude: AttitudeSeries
     rig: Rig = field(default_factory=Rig)
+
+    def __post_init__(self) -> None:
+        instance_of(
+            "camera's attitude", self.attitude, AttitudeSeries, "as of AttitudeSeries.read_csv; Camera.load reads files"
+        )
+        instance_of("camera's rig", self.rig, Rig, "as of load_rig; Camera.load reads files")
 
     @classmethod
     def load(cls, attitude: AttitudeSeries | AnyPath, rig: AnyPath | None = None) -> "Camera":

@@ -117,7 +117,9 @@ def load_pair(path: AnyPath) -> CameraPair:
 
 
 def _plain(value: object) -> object:
-    """Numbers of numpy as Python's."""
-    if isinstance(value, np.ndarray | list | tuple):
-        return tuple(float(number) for number in value)
+    """Numbers of numpy, and in its arrays, as Python's."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(map(_plain, value))
     return float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else value

@@ -59,6 +59,10 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
         raise InputError(f"{source}: a lazy frame, expected its rows: frame.collect()")
     if hasattr(frame, "data_vars"):
         raise InputError(f"{source}: a dataset of xarray, expected rows; tracks_of_dataset takes datasets")
+    if not isinstance(frame, Mapping) and not hasattr(frame, "columns"):
+        raise InputError(
+            f"{source}: found {type(frame).__name__}, expected a frame of polars or pandas, or columns by name"
+        )
     names = list(frame if isinstance(frame, Mapping) else frame.columns)
     missing = [name for name in FORM.required if name not in names]
     if missing:
@@ -101,6 +105,8 @@ def _is_logical(column: NDArray[Any]) -> bool:
 
 def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArray]:
     """Distinct labels in the order of appearance, and each row's index into them, -1 where there is none."""
+    if column.ndim != 1:
+        raise InputError(f"{source}, column feature: found the shape {column.shape}, expected a label for each row")
     found: dict[str, int] = {}
     codes = np.empty(len(column), dtype=np.intp)
     for row, cell in enumerate(column.tolist()):

@@ -12,6 +12,7 @@ from baryscope.estimator.images.rectify import Rectified
 from baryscope.estimator.images.tracker import MOST, Sightings, Tracker
 from baryscope.estimator.progress import Progress
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.ephemeris.utc import Utc
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.files import AnyPath
 from baryscope.models.words import counted
@@ -51,7 +52,7 @@ def track(
     pair: CameraPair,
     *,
     times: float | ArrayLike | None = None,
-    epoch: str | None = None,
+    epoch: Utc | None = None,
     most: int = MOST,
     progress: Progress | None = None,
 ) -> Tracked:
@@ -63,7 +64,7 @@ def track(
         pair: the cameras.
         times: (n,), s, of each pair; or how many there are a second, from time 0 on: by default as the videos say.
             Where numbers are missing in the images' names, so are pairs.
-        epoch: UTC of time 0 in ISO 8601, if it is known.
+        epoch: UTC of time 0, as text in ISO 8601 or as datetime, if it is known.
         most: features at a time.
         progress: told the share that is done.
 
@@ -129,7 +130,7 @@ def _expected(
         raise InputError(f"{sides[0].path}: {counted(number, 'image')}, expected {count}, one for each time")
 
 
-def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: str | None, missing: int) -> Tracked | None:
+def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: Utc | None, missing: int) -> Tracked | None:
     """The sightings of all frames as tracks, with covariances as large as the rows' differences tell; None if no
     feature is seen for long enough.
     """

@@ -4,6 +4,7 @@ Seconds between two times are those of a clock without leap seconds, which were 
 """
 
 import re
+from datetime import date
 
 import numpy as np
 
@@ -18,16 +19,20 @@ LEAP = ("23", "59", "60")  # hour, minute and second of a leap second
 FIRST, LAST = 1950, 2200  # years; np.datetime64 counts nanoseconds in 64 bits
 
 Moment = np.datetime64  # in ns
+Utc = str | date | np.datetime64
+"""How a moment is given; datetimes are dates, too."""
 
 
-def utc_of(text: object, place: str) -> Moment:
-    """The moment that a text in ISO 8601 names, with month and day or the day of the year; `place` names it in errors.
+def utc_of(given: object, place: str) -> Moment:
+    """The moment that a datetime or a text in ISO 8601 names, with month and day or the day of the year; `place` names
+    it in errors.
 
-    A time has its offset from UTC behind it, or is in UTC.
+    A time has its offset from UTC behind it, or its time zone, or is in UTC. A date is its midnight.
 
     Raises:
-        InputError: no such text, or a year out of range.
+        InputError: no such time, or a year out of range.
     """
+    text = given.isoformat() if isinstance(given, date) else str(given) if isinstance(given, Moment) else given
     found = FORM.fullmatch(text) if isinstance(text, str) else None
     if found is None:
         raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}")
@@ -35,15 +40,15 @@ def utc_of(text: object, place: str) -> Moment:
     if (hour, minute, second) == LEAP:
         raise InputError(f"{place}: found {str(text)[:40]!r}, leap seconds are not supported, expected {EXPECTED}")
     try:
-        date = np.datetime64(f"{year}-{month or '01'}-{day or '01'}", "ns")
-        date += np.timedelta64(int(day_of_year or 1) - 1, "D")
+        midnight = np.datetime64(f"{year}-{month or '01'}-{day or '01'}", "ns")
+        midnight += np.timedelta64(int(day_of_year or 1) - 1, "D")
         clock, ahead = ([int(part or 0) for part in parts] for parts in ((hour, minute, second), offset))
-        if str(date)[:4] != year or day_of_year == "000" or (sign and hour is None):
+        if str(midnight)[:4] != year or day_of_year == "000" or (sign and hour is None):
             raise ValueError
         if max(clock[0], ahead[0]) > 23 or max(*clock, *ahead) > 59:
             raise ValueError
         shift = (-1 if sign == "+" else 1) * (60 * ahead[0] + ahead[1])
-        moment = date + np.timedelta64(clock[0] * 3600 + (clock[1] + shift) * 60 + clock[2], "s")
+        moment = midnight + np.timedelta64(clock[0] * 3600 + (clock[1] + shift) * 60 + clock[2], "s")
         if not all(FIRST <= int(text[:4]) < LAST for text in (year, str(moment))):
             raise ValueError
     except ValueError as error:

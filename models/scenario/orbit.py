@@ -12,7 +12,7 @@ from pydantic import field_validator
 
 from baryscope.models.ephemeris import MAX_BYTES, OLDEST, elements_of, orbit_of_message
 from baryscope.models.ephemeris.trajectory import target_states
-from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of, utc_text
+from baryscope.models.ephemeris.utc import Moment, Utc, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_text, write_together
 from baryscope.models.orbit import EARTH_MU, Orbit
@@ -94,13 +94,13 @@ class OrbitFile(FileModel):
     orbit: OrbitField
 
 
-def load_orbit(path: AnyPath, epoch: str | None = None) -> Orbit:
+def load_orbit(path: AnyPath, epoch: Utc | None = None) -> Orbit:
     """Read an orbit file: TOML with one table, [orbit], or a TLE, OMM or OEM (`baryscope.models.ephemeris`).
 
     Args:
         path: the file.
-        epoch: UTC of time 0 in ISO 8601. A TLE, OMM or OEM needs it; elements in TOML are carried from their own epoch
-            to it, and are those of time 0 if they have none.
+        epoch: UTC of time 0, as text in ISO 8601 or as datetime. A TLE, OMM or OEM needs it; elements in TOML are
+            carried from their own epoch to it, and are those of time 0 if they have none.
 
     Raises:
         InputError: one line that says where, what was found, what was expected.

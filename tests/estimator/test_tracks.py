@@ -1,3 +1,5 @@
+from datetime import datetime
+
 import numpy as np
 import pandas
 import pytest
@@ -151,6 +153,9 @@ WRONG = {
     "label of blanks": ({"labels": ("a", " \t")}, "empty"),
     "label twice but for blanks": ({"labels": ("a", " a")}, "'a' stands twice"),
     "label that is no text": ({"labels": ("a", 2)}, "label 2: expected a text"),
+    "no labels": ({"labels": None}, "labels: found None, expected a text for each feature"),
+    "a number of labels": ({"labels": 2}, "labels: found 2, expected a text for each feature"),
+    "a camera's file": ({"camera": "attitude.csv"}, "camera: found str, expected Camera, as of Camera.load"),
     "label that is no Unicode": ({"labels": ("a", "\ud800")}, "UTF-8"),
     "covariance of the wrong shape": ({"covariance": np.zeros((2, 2, 3))}, "shape"),
     "covariance not symmetric": ({"covariance": np.eye(3) + np.eye(3, k=1) + np.zeros((2, 2, 3, 3))}, "symmetric"),
@@ -211,6 +216,8 @@ def test_an_epoch_is_a_utc_time():
     with pytest.raises(InputError, match="epoch: found 'now', expected a UTC time"):
         FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"], epoch="now")
     assert FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"]).epoch is None
+    dated = FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"], epoch=datetime(2026, 3, 1, 12))
+    assert dated.epoch == "2026-03-01T12:00:00Z"
 
 
 def test_times_with_offsets_are_those_in_utc(tmp_path):

@@ -5,6 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from baryscope.estimator.camera.attitude import AttitudeSeries
+from baryscope.estimator.camera.camera import Camera
+from baryscope.estimator.camera.rig import Rig
 from baryscope.models.errors import InputError
 
 TIME = np.arange(0.0, 61.0, 2.0)
@@ -104,6 +106,16 @@ def test_too_wide_a_turn_is_not_interpolated():
 def test_shapes_are_checked():
     with pytest.raises(InputError, match=r"time has the shape \(31,\) and quaternion \(31, 3\)"):
         AttitudeSeries(TIME, QUATERNION[:, :3])
+
+
+def test_a_camera_is_of_series_and_rig_and_of_no_names_of_files():
+    series = AttitudeSeries(TIME, QUATERNION)
+    with pytest.raises(
+        InputError, match=r"^camera's attitude: found str, expected AttitudeSeries, .*Camera.load reads"
+    ):
+        Camera("attitude.csv", Rig())
+    with pytest.raises(InputError, match=r"^camera's rig: found str, expected Rig, .*Camera.load reads"):
+        Camera(series, "rig.toml")
 
 
 def test_what_becomes_of_the_arrays_that_made_it_changes_no_series():

@@ -53,6 +53,14 @@ def test_a_wrong_file_gets_one_line(tmp_path, text, message):
 
 def test_values_in_python_are_checked():
     assert Rig(lever_arm=np.array([1, 2, 3]), attitude_noise=np.float64(1e-4)).attitude_noise == (1e-4,) * 3
+    assert Rig(boresight_deviation=np.array(1e-3)).boresight_deviation == (1e-3,) * 3
+    expected = "expected a list of 3 numbers in m$"
+    for arm, found in ((np.array(1.0), "1.0"), (1.0, "1.0"), (np.ones(2), "a list of 2"), (None, "None")):
+        with pytest.raises(InputError, match=rf"^rig: rig.lever_arm: found {found}, {expected}"):
+            Rig(lever_arm=arm)
+    for arm in (np.eye(3), ["a", "b", "c"], np.array(["a", "b", "c"])):
+        with pytest.raises(InputError, match=r"^rig: rig.lever_arm\[0\]: found [^\n]*, expected a number in m"):
+            Rig(lever_arm=arm)
     with pytest.raises(InputError, match=r"rig: rig.scale_deviation: found 2.0"):
         Rig(scale_deviation=2.0)
     with pytest.raises(InputError, match=r"rig: rig.mounting: found beside a lever arm in camera axes"):

@@ -65,6 +65,18 @@ def test_frames_are_read_as_the_csv_file(tracks, precise, kind, tmp_path):
     same(FeatureTracks.read_csv(tmp_path / "t.csv"), precise)
 
 
+@pytest.mark.parametrize("frame, units, line", [
+    (None, "m", "frame: found NoneType, expected a frame of polars or pandas, or columns by name"),
+    (np.eye(3), "m", "frame: found ndarray, expected a frame of polars or pandas, or columns by name"),
+    ({"feature": "a"}, "m", r"frame, column feature: found the shape \(\), expected a label for each row"),
+    ({}, 3, "frame: lengths in 3, expected one of m, cm, mm, in, ft, km"),
+    ({}, None, "frame: lengths in None, expected one of m, cm, mm, in, ft, km"),
+])  # fmt: skip
+def test_arguments_of_another_kind_are_refused_in_one_line(tracks, frame, units, line):
+    with pytest.raises(InputError, match=f"^{line}$"):
+        tracks_of(columns(tracks) | frame if isinstance(frame, dict) else frame, units=units)
+
+
 def test_datetimes_count_from_the_earliest(tracks):
     rows = columns(tracks)
     rows["time"] = np.datetime64("2026-03-01T12:00:00") + (rows["time"] * 1e9).astype("timedelta64[ns]")

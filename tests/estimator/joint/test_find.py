@@ -18,6 +18,10 @@ def test_bodies_that_do_not_turn_and_other_times_are_refused():
         joint(parent, FeatureTracks(TIME + 1, child.position, child.labels))
     with pytest.raises(InputError, match="found 'sara', expected one of score, ml"):
         joint(parent, child, method="sara")
+    with pytest.raises(InputError, match=r"^parent: found ndarray, expected FeatureTracks, as of read_tracks"):
+        joint(parent.position, child)
+    with pytest.raises(InputError, match=r"^child: found NoneType, expected FeatureTracks, as of read_tracks"):
+        joint(parent, None)
 
 
 def swapped(tracks, first, frames, pair=(0, 1)):

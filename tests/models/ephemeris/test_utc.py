@@ -1,7 +1,9 @@
 """UTC texts against Python's datetime."""
 
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta, timezone
 
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,6 +53,20 @@ def test_nanoseconds_are_kept():
     assert seconds_between(start, utc_of("2026-03-01 12:00:01", "here")) == pytest.approx(0.999999999, rel=1e-15)
 
 
+@pytest.mark.parametrize("text, moment", [
+    ("2026-03-01T12:00:00.25Z", datetime(2026, 3, 1, 12, 0, 0, 250000)),
+    ("2026-03-01T12:00:00Z", datetime(2026, 3, 1, 13, tzinfo=timezone(timedelta(hours=1)))),
+    ("2026-03-01T12:00:00Z", pd.Timestamp("2026-03-01T07:00", tz="America/New_York")),
+    ("2026-03-01T00:00:00Z", np.datetime64("2026-03-01")),
+    ("2026-03-01T00:00:00Z", date(2026, 3, 1)),
+    ("2026-03-01T12:00:00.000000001Z", np.datetime64("2026-03-01T12:00:00.000000001")),
+    ("2026-03-01T12:00:00.000000001Z", pd.Timestamp("2026-03-01T12:00:00.000000001")),
+])  # fmt: skip
+def test_datetimes_are_those_of_the_texts(text, moment):
+    """Those without a time zone are in UTC, as in a column of times."""
+    assert utc_text(utc_of(moment, "here")) == text
+
+
 @pytest.mark.parametrize("text", ["2016-12-31T23:59:60Z", "2015-181 23:59:60.5"])
 def test_a_leap_second_is_refused_as_one(text):
     with pytest.raises(InputError, match=r"^epoch: found .*, leap seconds are not supported, expected a UTC time as"):
@@ -61,7 +77,8 @@ def test_a_leap_second_is_refused_as_one(text):
     "text",
     ["", "noon", "2026-02-30", "2026-000", "2026-366", "2026-01-01T24:00", "2026-01-01T12:60", "2026-01-01T12:00:60Z",
      "1900-01-01", "2026-01-01T12:00:00+24:00", "2026-01-01T12:00:00-01:60", "2026-01-01+01:00",
-     "2026-01-01T12:00:00+01:00Z", "2026-01-01T12:00:00+1:00", "2026-01-01T12:00:00Z x", None, 3.0],
+     "2026-01-01T12:00:00+01:00Z", "2026-01-01T12:00:00+1:00", "2026-01-01T12:00:00Z x", None, 3.0,
+     np.datetime64("NaT"), np.datetime64("1900-01-01"), pd.NaT],
 )  # fmt: skip
 def test_what_is_no_utc_time_is_refused_in_one_line(text):
     with pytest.raises(InputError, match=r"^epoch: found .*expected a UTC time as [^\n]*$"):
