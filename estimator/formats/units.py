@@ -49,7 +49,7 @@ def in_metres(tracks: FeatureTracks, unit: str, source: str) -> FeatureTracks:
     Raises:
         InputError: there is no such unit; `source` names what has it.
     """
-    meant = _MEANT.get(unit.strip().lower()) if isinstance(unit, str) else None
+    meant = _MEANT.get(str(unit).strip().lower())
     if meant is None:
         raise InputError(f"{source}: lengths in {unit!r}, expected one of {', '.join(get_args(Unit))}")
     factor = METRES[meant]

@@ -52,6 +52,15 @@ class HingeAxis:
     turned: float
 
     @property
+    def leverage(self) -> float:
+        """By how much skin that follows the hinge's angle moves the centre across the axis, in its own rms, nearly.
+
+        To first order a turn by θ about the axis a moves a centre which is off by d across it by θ a × d: skin that
+        slides by as much, √(mean θ²) |d| rms, looks the same.
+        """
+        return 1 / self.turned if self.turned else np.inf
+
+    @property
     def deviation(self) -> float:
         """Standard deviation, rad, of the direction in the child, in the worst direction across it."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance_in_child)[2]))
@@ -112,6 +121,23 @@ class Joint:
     def time(self) -> FloatArray:
         """(n,), s, of the frames that show both bodies."""
         return self.pair.time
+
+    @property
+    def axis_path(self) -> FloatArray | None:
+        """(n, 3), unit vectors in the tracks' axes: a hinge's axis in the frames of `time`, the mean of the two sides.
+
+        None of a joint that is no hinge.
+        """
+        if self.hinge_axis is None:
+            return None
+        R_T_P, _ = self.pair.parent_pose
+        both = R_T_P @ self.hinge_axis.in_parent + self.pair.child.rotation @ self.hinge_axis.in_child
+        return np.asarray(both / np.linalg.norm(both, axis=1, keepdims=True))
+
+    @property
+    def child_axes_time(self) -> float:
+        """s, of the frame in which the child's axes are those of the tracks, nearly: noise turns them a little."""
+        return float(self.time[np.argmax(self.pair.child.weights.all(axis=1))])
 
     @property
     def position_covariance(self) -> FloatArray:

@@ -18,11 +18,13 @@ from baryscope.models.files import Writer, refuse_overwriting, write_together
 from baryscope.models.words import counted, length
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_joint
+from baryscope.report.joints import bodies_of, marker_sheet
 from baryscope.scripts.cli.console import Show
 from baryscope.scripts.cli.options.features import named_features
 from baryscope.table import Table
 
 LEAST = 3  # markers of a body
+AXIS_COLUMNS = ("axis_x", "axis_y", "axis_z")  # of a hinge: a unit vector
 UNSTEADY = 0.1  # rad, standard deviation of a body's attitudes that is worth a word
 
 
@@ -60,7 +62,7 @@ def find_joint(
         With --output, write a .report.html file, too: the centre in both bodies over time and the markers' residuals.
     output
         The centre at every time that shows both bodies, and its covariance (the columns of an estimate of `baryscope
-        estimate`), OUT.csv; the report goes beside it, OUT.report.html.
+        estimate`), and a hinge's axis, axis_x, axis_y and axis_z, OUT.csv; the report goes beside it, OUT.report.html.
     """
     show = show or Show()
     written = []
@@ -81,14 +83,15 @@ def find_joint(
                 found = joint(ground, moving, method=method)
             except ComputationError as error:
                 raise ComputationError(f"{tracks}: {error}", error.reason) from error
-    words = _words(found)
+    words = _words(found, len(moving.time))
     if written:
         writers: list[Writer] = [lambda stream: _write_path(found, stream)]
         if report:
             page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name))
             writers.append(lambda stream: stream.write(page))
         write_together(dict(zip(written, writers, strict=True)))
-    show.result(_values(found, ground, moving), *words, _markers(found, ground, moving))
+    markers = marker_sheet(bodies_of(found, ground, moving))
+    show.result(_values(found, ground, moving), *words, Table(markers.headings, markers.rows, left=markers.left))
     if output is not None:
         show.remark(f"the centre at every time: {output}")
         if report:
@@ -97,16 +100,21 @@ def find_joint(
 
 def _write_path(found: Joint, stream: TextIO) -> None:
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["time", "x", "y", "z", *COVARIANCE_COLUMNS])
     rows, columns = np.transpose(UPPER)
-    covariance = found.position_covariance[:, rows, columns]
-    writer.writerows(np.column_stack([found.time, found.position, covariance]).tolist())
+    cells = [found.time, found.position, found.position_covariance[:, rows, columns]]
+    names = ["time", "x", "y", "z", *COVARIANCE_COLUMNS]
+    if (axis := found.axis_path) is not None:
+        names, cells = [*names, *AXIS_COLUMNS], [*cells, axis]
+    writer.writerow(names)
+    writer.writerows(np.column_stack(cells).tolist())
 
 
-def _words(found: Joint) -> list[str]:
-    """The result in a few lines."""
+def _words(found: Joint, frames: int) -> list[str]:
+    """The result in a few lines; of a recording of so many frames."""
     values, axes = np.linalg.eigh(found.covariance[3:, 3:])
-    claim = np.sqrt(values)
+    claim, weakest = np.sqrt(values), axes[:, 2]
+    if found.hinge_axis is not None:
+        weakest = np.copysign(1.0, weakest @ found.hinge_axis.in_child) * weakest
     kind = "a centre of rotation"
     if found.hinge:
         kind = "a hinge: along its axis its centre is hardly known"
@@ -115,7 +123,7 @@ def _words(found: Joint) -> list[str]:
     lines = [
         kind,
         f"  in the child, from its markers' centroid: ({_vector(found.in_child)}) m, ±{length(claim[2])} along "
-        f"({_vector(axes[:, 2])}), ±{length(claim[1])} across",
+        f"({_vector(weakest)}), ±{length(claim[1])} across",
     ]
     if found.hinge_axis is not None:
         axis = found.hinge_axis
@@ -123,10 +131,21 @@ def _words(found: Joint) -> list[str]:
             f"  the axis in the child: ({_vector(axis.in_child)}), ±{np.rad2deg(axis.deviation):.2g}°; the bodies "
             f"turn across it by {np.rad2deg(axis.residual):.2g}° rms"
         )
+        guess = "the claim has none of it" if found.slide is None else "the claim guesses it from the slide that shows"
+        lines.append(
+            "  skin that follows the angle looks like a centre elsewhere: 1 mm rms of it, "
+            f"{axis.leverage:.2g} mm across the axis; {guess}"
+        )
+    lines.append(f"  the child's axes are those of the file at {found.child_axes_time:g} s; its markers in them, below")
     lines.append(
         f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "
         f"{found.correlation_time:.2g} s at a time: {len(found.time)} frames weigh as {found.effective_frames:.0f}"
     )
+    if frames > len(found.time):
+        lines.append(
+            f"  {frames - len(found.time)} of {frames} frames are not used: a body shows fewer than three markers "
+            "there that are in their places"
+        )
     if found.slide is not None:
         one = found.slide
         lines.append(
@@ -149,20 +168,6 @@ def _words(found: Joint) -> list[str]:
 
 def _vector(values: FloatArray) -> str:
     return ", ".join(f"{value:.4f}" for value in values)
-
-
-def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> Table:
-    bodies = (
-        (parent, "parent", found.parent_rms, found.parent_left_out),
-        (child, "child", found.child_rms, found.child_left_out),
-    )
-    rows = [
-        (name, label, f"{1000 * rms:.2f}", str(frames))
-        for tracks, name, each, left_out in bodies
-        if tracks is not None
-        for label, rms, frames in zip(tracks.labels, each.tolist(), left_out.tolist(), strict=True)
-    ]
-    return Table(("body", "marker", "off the rigid body, mm rms", "frames left out"), tuple(rows), left=2)
 
 
 def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> dict[str, object]:

@@ -33,10 +33,7 @@ def report_of_joint(
         words: the result in sentences.
         name: of the tracks, for the title.
     """
-    pair = found.pair
-    bodies = [("child", child, pair.child)]
-    if parent is not None and pair.parent is not None:
-        bodies.insert(0, ("parent", parent, pair.parent))
+    pair, bodies = found.pair, bodies_of(found, parent, child)
     parts: list[Part] = [Words("In words", words), *side_charts(found, pair, child.time)]
     for which, tracks, body in bodies:
         parts.append(marker_chart(which, tracks, body, pair.time))
@@ -50,6 +47,16 @@ def report_of_joint(
         (*parts, facts_of(found)),
         verdict_of_joint(found),
     )
+
+
+def bodies_of(
+    found: Joint, parent: FeatureTracks | None, child: FeatureTracks
+) -> list[tuple[str, FeatureTracks, Body]]:
+    """The bodies of a joint, by their names, with their markers."""
+    bodies = [("child", child, found.pair.child)]
+    if parent is not None and found.pair.parent is not None:
+        bodies.insert(0, ("parent", parent, found.pair.parent))
+    return bodies
 
 
 def verdict_of_joint(found: Joint) -> Verdict:
@@ -106,11 +113,12 @@ def marker_chart(which: str, tracks: FeatureTracks, body: Body, time: FloatArray
 
 
 def marker_sheet(bodies: list[tuple[str, FeatureTracks, Body]]) -> Sheet:
-    """How often each marker is seen, in how many frames it is left out, and how far it is off."""
+    """Where each marker is in its body, how often it is seen, in how many frames left out, and how far it is off."""
     rows = [
         (
             which,
             label,
+            *(f"{1e3 * value:.1f}" for value in body.markers[k].tolist()),
             str(int(body.weights[:, k].sum())),
             str(int(body.left_out[:, k].sum())),
             millimetres(float(body.rms[k])),
@@ -118,8 +126,12 @@ def marker_sheet(bodies: list[tuple[str, FeatureTracks, Body]]) -> Sheet:
         for which, tracks, body in bodies
         for k, label in enumerate(tracks.labels)
     ]
-    headings = ("body", "marker", "frames", "left out", "off the rigid body, mm rms per axis")
-    return Sheet("Markers", headings, tuple(rows), left=2)
+    headings = ("body", "marker", "x, mm", "y", "z", "frames", "left out", "off, mm rms per axis")
+    about = (
+        "x, y, z: from the markers' centroid in the axes of their body, in which its centre is told. frames: that show "
+        "it, and both bodies. left out: seen, but off its body. off: from where the rigid body has it."
+    )
+    return Sheet("Markers", headings, tuple(rows), about, left=2)
 
 
 def covariance_sheet(found: Joint) -> Sheet:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.joint import joint
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError, Reason
-from joints import TIME, recording
+from joints import SHAPE, TIME, TRUTH, recording
 
 
 def test_bodies_that_do_not_turn_and_other_times_are_refused():
@@ -134,6 +134,29 @@ def test_a_hinge_may_be_exact(method, sigma):
     assert abs(axis @ error) < 3 * reach
     assert found.hinge_axis.turned == pytest.approx(0.8 * np.sqrt(0.5), rel=0.1)
     assert found.hinge_axis.residual < 1e-9 + 20 * sigma
+
+
+@pytest.mark.parametrize("method", ["ml", "score"])
+def test_skin_that_follows_a_hinge_moves_its_centre_by_its_leverage(method):
+    """By a closed form: skin s θ of the parent looks like a centre that is d off, where a × d = s, but for θ²."""
+    rng, bend = np.random.default_rng(1), 0.3 * np.sin(2 * np.pi * 0.53 * TIME)
+    parent, _, centre = recording(rng, 0.0, 0.0, hinge=True)
+    R_T_P = Rotation.from_rotvec(0.7 * np.sin(2 * np.pi * np.array([0.31, 0.47, 0.23]) * TIME[:, None] + [0, 1, 2]))
+    R_T_C = R_T_P * Rotation.from_rotvec(bend[:, None] * [1.0, 0.0, 0.0])
+    place = centre - R_T_C.apply(TRUTH)
+    points = place[:, None] + SHAPE @ np.swapaxes(R_T_C.as_matrix(), 1, 2)
+    child = FeatureTracks(TIME, points + 1e-5 * rng.normal(size=points.shape), tuple("efgh"))
+    slide = 0.002 * np.sqrt(2) * np.sin(2 * np.pi * 0.53 * TIME)  # 2 mm rms, along the parent's y
+    moved = parent.position + R_T_P.apply(slide[:, None] * [0.0, 1.0, 0.0])[:, None]
+    still, skin = (
+        joint(FeatureTracks(TIME, position, parent.labels), child, method=method)
+        for position in (parent.position + 1e-5 * rng.normal(size=points.shape), moved)
+    )
+    assert still.hinge_axis is not None
+    assert still.hinge_axis.leverage == pytest.approx(np.sqrt(2) / 0.3, rel=0.01)
+    moved_by, axis = skin.in_child - still.in_child, still.hinge_axis.in_child
+    across = moved_by - moved_by @ axis * axis
+    assert np.linalg.norm(across) == pytest.approx(0.002 * still.hinge_axis.leverage, rel=0.3**2)
 
 
 @pytest.mark.parametrize("method", ["ml", "score"])

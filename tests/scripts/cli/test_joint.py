@@ -70,6 +70,43 @@ def test_the_centre_can_be_found_from_the_markers(recorded, capsys):
         assert np.linalg.norm(seen.mean(axis=0) + turn.apply(found[f"in_{which}"]) - centre[300]) < 0.006
 
 
+def test_the_axis_of_a_hinge_is_written_at_every_time(recorded, capsys):
+    """In the axes of the file; the columns of a centre that has no axis are those of an estimate."""
+    assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD, "-o", "axis.csv", "--json", "-q"]) == 0
+    claim = json.loads(capsys.readouterr().out)["hinge_axis"]["covariance_in_child"]
+    with (recorded / "axis.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    axis = np.array([[float(row[f"axis_{name}"]) for name in "xyz"] for row in rows])
+    np.testing.assert_allclose(np.linalg.norm(axis, axis=1), 1.0)
+    t = TIME[:, None]  # the bend of `recording` is about the parent's x
+    turn = Rotation.from_rotvec(0.7 * np.sin(2 * np.pi * np.array([0.31, 0.47, 0.23]) * t + [0, 1, 2]))
+    true = turn.apply([1.0, 0.0, 0.0])
+    assert (np.abs(np.einsum("ki,ki->k", axis, true)) > np.cos(0.02)).all()  # 0.25 mm of noise at 0.1 m, four times
+    mean = np.mean(axis * np.sign(np.einsum("ki,ki->k", axis, true))[:, None] - true, axis=0)
+    assert np.linalg.norm(mean) < 4 * np.sqrt(np.trace(claim)) + 4 * 0.0025 / np.sqrt(len(TIME))
+    assert app.main(["joint", "ball.csv", "--parent", PARENT, "--child", CHILD, "-o", "ball.centre.csv", "-q"]) == 0
+    assert (recorded / "ball.centre.csv").read_text().startswith("time,x,y,z,cxx,cxy,cxz,cyy,cyz,czz\n")
+
+
+def test_the_centre_is_told_in_axes_that_are_told(recorded, capsys):
+    """Those of the file in a frame that is named; markers stand in them, so that the centre can be found from them."""
+    tracks = both_bodies(1)
+    position = tracks.position.copy()
+    position[:7, tracks.labels.index("cb")] = np.nan  # the first frame with all of them is that of 0.14 s
+    position[100:140, [tracks.labels.index(label) for label in ("ca", "cb")]] = np.nan
+    FeatureTracks(tracks.time, position, tracks.labels).write_csv("gaps.csv")
+    assert app.main(["joint", "gaps.csv", "--parent", PARENT, "--child", CHILD]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "  the child's axes are those of the file at 0.14 s; its markers in them, below" in lines
+    assert any("40 of 600 frames are not used" in line for line in lines)
+    rows = {cells[1]: cells[2:] for line in lines if (cells := line.split()) and cells[0] in ("parent", "child")}
+    seen = position[7, [tracks.labels.index(label) for label in CHILD.split(",")]]
+    told = np.array([[float(cell) for cell in rows[label][:3]] for label in CHILD.split(",")])
+    # Half a digit, and two markers' noise of 0.25 mm: that of the frame, and what its attitude is off at the markers.
+    np.testing.assert_allclose(told, 1000 * (seen - seen.mean(axis=0)), atol=4 * np.sqrt(2) * 0.25 + 0.05)
+    assert [rows[label][3] for label in CHILD.split(",")] == ["560", "553", "560", "560"]
+
+
 def test_a_hinge_is_named(recorded, capsys):
     assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD]) == 0
     assert "a hinge: along its axis its centre is hardly known" in capsys.readouterr().out
