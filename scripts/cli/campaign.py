@@ -28,6 +28,7 @@ from baryscope.study.campaign import report as report_of
 from baryscope.study.campaign.folder import alone_in
 from baryscope.study.campaign.runner import PAGE, SUMMARY, carry_out
 from baryscope.study.campaign.suite import read_suite
+from baryscope.study.campaign.summary import ABOUT_SHORT
 
 campaign = App(name="campaign", result_action="return_value")
 
@@ -180,7 +181,7 @@ def _show(summary: CampaignSummary, folder: Path, show: Show) -> None:
     if not summary.count:
         raise InputError(f"{folder}: holds no runs yet, expected some to report")
     words = [word for table in summary.tables() for word in (table, "")]
-    words.append(summary.about_nees())
+    words += [*ABOUT_SHORT, summary.about_nees()]
     if left := summary.plan.total - summary.count:
         words.append(f"{left} of {counted(summary.plan.total, 'run')} still missing")
     if summary.remark_count:

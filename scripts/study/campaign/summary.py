@@ -13,6 +13,11 @@ from baryscope.study.campaign.statistics import Remark, Row, bound_of, nees_band
 from baryscope.study.campaign.suite import Entry
 from baryscope.table import Table
 
+ABOUT_SHORT = (
+    "RMSE, pred. (by the covariances) and CRB in mm, time in s. /CRB: RMSE over it, ±",
+    "its standard error. NEES at the first, middle and last frame, and in body axes.",
+    "fail: draws without a result, + those announced as not to be trusted.",
+)  # fmt: skip
 SHORT = ("method", "RMSE", "pred.", "/CRB", "±", "target", "NEES", "mid", "end", "body", "fail", "time")
 HEADINGS = (
     "method", "RMSE, mm", "predicted RMSE, mm", "RMSE/CRB", "±", "target", "NEES, start", "middle", "end",

@@ -22,7 +22,7 @@ def read_runs(folder: AnyPath, plan: Plan | None = None) -> pl.DataFrame:
     nees_middle, nees_end and body_nees; trustworthy, rejected_share, failure; time (s); bound and bound_inliers, the
     Cramér–Rao bound on the path's RMSE without outliers and with them (m), bound_failure; warnings; and what varies,
     by its field.
-    Null where a method does not say. `read_runs(folder).to_pandas()` is the same for pandas.
+    Null where a method does not say. `pandas.DataFrame(read_runs(folder).to_dict())` is the same for pandas.
 
     Args:
         folder: of a campaign, also while it runs.

@@ -130,6 +130,8 @@ def test_the_tables_fit_and_mark_what_is_out_of_bounds(targeted, tmp_path, capsy
     table, notes = printed.split("NEES should be 3")
     assert max(map(len, table.splitlines())) <= 80
     assert "remarks on single draws: 2, see summary.md" in notes
+    assert "CRB in mm, time in s" in table
+    assert "fail: draws without a result, + those announced" in table
     line = next(line for line in printed.splitlines() if line.lstrip().startswith("pivot"))
     assert " ".join(line.split()) == "pivot 3.109 2.000 1.439 0.102 1.25 no 2.00 4.00 6.00 4.00 1+1 2.00"
     text = (tmp_path / "s" / "summary.md").read_text(encoding="utf-8")
