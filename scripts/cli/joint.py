@@ -31,7 +31,7 @@ UNSTEADY = 0.1  # rad, standard deviation of a body's attitudes that is worth a 
 def find_joint(
     tracks: Path,
     *,
-    child: str,
+    child: str | None = None,
     parent: str | None = None,
     method: Method = "ml",
     units: Unit | None = None,
@@ -50,7 +50,7 @@ def find_joint(
     tracks
         The markers, a .csv, .parquet, .nc, .trc or .c3d file, as for `baryscope estimate`.
     child
-        Labels of at least three markers of one body, separated by commas.
+        Labels of at least three markers of one body, separated by commas. Without it the labels of the file are told.
     parent
         Those of the other. Default: the room.
     method
@@ -74,6 +74,8 @@ def find_joint(
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)
+        if child is None:
+            raise InputError(f"--child: missing, expected at least {LEAST} of {', '.join(data.labels)}")
         moving = named_features(data, child, "child", LEAST, "marker")
         ground = None if parent is None else named_features(data, parent, "parent", LEAST, "marker")
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):

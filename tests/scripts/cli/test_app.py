@@ -82,7 +82,7 @@ def test_scenarios_has_a_line_for_each_preset(capsys):
 @pytest.mark.parametrize("arguments, words", [
     (["flie"], "fly"),
     (["estimate"], "estimate: TRACKS is missing, expected this argument"),
-    (["joint", "x.csv"], "joint: --child is missing, expected this argument"),
+    (["track", "a", "b", "-o", "t.csv"], "track: --rig is missing, expected this argument"),
     (["joint", "x.csv", "--child"], "--child requires an argument"),
     (["track", "a", "b", "-o", "t.csv", "--rigg", "r.toml"], "Did you mean --rig instead of --rigg?"),
     (["estimate", "x.csv", "--method", "magic"], "magic"),

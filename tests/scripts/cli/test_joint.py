@@ -132,6 +132,7 @@ def test_markers_too_near_to_a_line_are_told(recorded, capsys):
 
 
 @pytest.mark.parametrize("arguments, words", [
+    ([], "--child: missing, expected at least 3 of pa, pb, pc, pd, ca, cb, cc, cd"),
     (["--child", "ca,cb,xx"], "child: found 'xx', expected some of pa, pb"),
     (["--child", "ca,cb"], "child: found 2 markers, expected at least 3"),
     (["--child", "ca,cb,cb"], "child: found 'cb' twice"),
