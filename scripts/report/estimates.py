@@ -80,7 +80,7 @@ def _points(label: str, result: Estimate, length: FloatArray, flags: BoolArray, 
     keep = evenly(len(frames), most)
     frames, features = frames[keep], features[keep]
     style, colour = ("cross", 3) if label == "rejected" else ("points", 5)
-    more = f", one of {len(flags.nonzero()[0]) / len(keep):.1f}" if len(keep) < flags.sum() else ""
+    more = f", {len(keep)} of {flags.sum()} drawn" if len(keep) < flags.sum() else ""
     values = np.maximum(length[frames, features], 1e-6)
     return Series(label + more, result.time[frames], values, colour, style, of=features)  # type: ignore[arg-type]
 

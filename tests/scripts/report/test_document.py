@@ -5,13 +5,14 @@ import re
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.details import TumbleDetails
 from baryscope.report import html_of, report_of_estimate
 from baryscope.report.charts import expected_error, nees_of
 from baryscope.report.document import data_of, plain
-from baryscope.report.estimates import millimetres
+from baryscope.report.estimates import millimetres, residual_chart
 from baryscope.report.page import page_file, palette
 from baryscope.report.scene import Body, Shown, scene_of
 from baryscope.report.thinning import evenly, extremes, shares
@@ -217,3 +218,15 @@ def test_every_method_has_its_own_colour_in_pictures():
     colours = [palette()[place] for place in COLOURS.values()]
     assert len(set(colours)) == len(COLOURS)
     assert all(colour in page_file("page.css").partition("}")[0] for colour in colours)
+
+
+def test_a_legend_says_how_many_residuals_are_drawn():
+    """Of many observations, an even sample."""
+    rng, time = np.random.default_rng(1), np.arange(1000.0)
+    turn = Rotation.from_euler("xy", 0.5 * np.sin(time[:, None] * [0.08, 0.13])).as_matrix()
+    points = rng.uniform(-1, 1, (5, 3)) @ np.swapaxes(turn, 1, 2) + [1.0, -20.0, 3.0]
+    tracks = FeatureTracks(time, points + 0.001 * rng.standard_normal(points.shape), "abcde")
+    chart = residual_chart(estimate(tracks, method="score"))
+    drawn = chart.series[0]
+    assert drawn.label == f"used, {len(drawn.x)} of 5000 drawn"
+    assert 1500 <= len(drawn.x) <= 3000
