@@ -3,6 +3,11 @@
 import xml.etree.ElementTree as ET
 import zipfile
 
+from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
+from baryscope.fmu.generate.sources import MAIN, interface_headers
+from baryscope.fmu.layout.platforms import host_platform
+
 
 def rewritten(source, target, change):
     """A copy of an FMU with `change(name, content)` in the place of each member; None leaves it out."""
@@ -25,6 +30,18 @@ def mutated(source, target, mutate):
         return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
 
     return rewritten(source, target, change)
+
+
+def relinked(source, target, blueprint, fmi, changes):
+    """A copy of an FMU whose library is of changed sources: the file, what stands in it once, what takes its place."""
+    _, sources = describe_unit(blueprint, fmi)
+    sources = dict(sources) | interface_headers(fmi)
+    for file, old, new in changes:
+        assert sources[file].count(old) == 1, file
+        sources[file] = sources[file].replace(old, new)
+    job = Job(sources, MAIN, "library.so", host_platform(), tuple(find_compiler()))
+    [library] = compile_all([job]).values()
+    return rewritten(source, target, lambda name, content: library if name.startswith("binaries/") else content)
 
 
 # ---- what can be wrong in FMI 2 ----

@@ -13,15 +13,20 @@ from baryscope.fmu.check.dependencies import run_dependency_findings, start_depe
 from baryscope.fmu.check.description import interfaces, read_description
 from baryscope.fmu.check.finding import Finding, error
 from baryscope.fmu.check.instance import RefusedError
+from baryscope.fmu.check.life import LIFE
 from baryscope.fmu.check.ours import is_ours, model_findings
 from baryscope.fmu.check.ramps import ramp_findings
 
-ALL_PROBES = PROBES | {
-    "derivatives of inputs": ramp_findings,
-    "dependencies at the start": start_dependency_findings,
-    "dependencies in a run": run_dependency_findings,
-    "agreement with the model": model_findings,
-}
+ALL_PROBES = (
+    PROBES
+    | LIFE
+    | {
+        "derivatives of inputs": ramp_findings,
+        "dependencies at the start": start_dependency_findings,
+        "dependencies in a run": run_dependency_findings,
+        "agreement with the model": model_findings,
+    }
+)
 
 
 def binary_findings(folder: Path, begin: Callable[[str], None] = lambda what: None) -> Iterator[Finding]:

@@ -77,6 +77,11 @@ def is_float(variable: Any) -> bool:
     return variable.type in ("Real", "Float64")
 
 
+def is_numeric(variable: Any) -> bool:
+    """Whether the variable's values are numbers or Booleans."""
+    return variable.type not in ("String", "Binary", "Clock")
+
+
 def continuous_inputs(description: Any) -> list[Any]:
     """The inputs that may be set at any time of a run; discrete ones may be set at events only."""
     return [v for v in description.modelVariables if v.causality == "input" and v.variability == "continuous"]

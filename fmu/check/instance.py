@@ -101,15 +101,20 @@ class Instance:
 
     # ---- life cycle ----
 
-    def initialise(self) -> None:
-        """Enter Initialization Mode at the default start time."""
+    @property
+    def default_start(self) -> float:
+        """The start time of the default experiment, else 0."""
         experiment = self.description.defaultExperiment
-        self.time = float(experiment.startTime or 0.0) if experiment is not None else 0.0
+        return float(experiment.startTime or 0.0) if experiment is not None else 0.0
+
+    def initialise(self, start: float | None = None, stop: float | None = None, tolerance: float | None = None) -> None:
+        """Enter Initialization Mode, at the default start time unless another is given."""
+        self.time = self.default_start if start is None else start
         if self.fmi2:
-            self.call("setupExperiment", None, self.time)
+            self.call("setupExperiment", tolerance, self.time, stop)
             self.call("enterInitializationMode")
         else:
-            self.call("enterInitializationMode", None, self.time)
+            self.call("enterInitializationMode", tolerance, self.time, stop)
 
     def run(self) -> None:
         """Leave Initialization Mode for stepping or, in Model Exchange, for Continuous-Time Mode."""
@@ -147,10 +152,20 @@ class Instance:
         self.call("reset")
         self.initialise()
 
-    def step(self, duration: float) -> None:
-        """One communication step from the current time."""
-        self.call("doStep", self.time, duration)
+    def step(self, duration: float) -> tuple[bool, bool, bool, float] | None:
+        """One communication step from the current time.
+
+        Returns:
+            FMI 3's eventHandlingNeeded, terminateSimulation, earlyReturn and lastSuccessfulTime; None in FMI 2.
+        """
+        answers: tuple[bool, bool, bool, float] | None = self.call("doStep", self.time, duration)
         self.time += duration
+        return answers
+
+    def set_time(self, time: float) -> None:
+        """Go to another time (Model Exchange)."""
+        self.call("setTime", time)
+        self.time = time
 
     # ---- values ----
 

@@ -13,6 +13,29 @@ Setter = Callable[[Sequence[Any], FloatArray], None]
 PERTURBED = ("Real", "Float64", "Boolean")
 
 
+def duration(description: Any) -> float:
+    """The communication step: the default experiment's, else 1/1000 of its length or 100 internal steps of the unit."""
+    experiment = description.defaultExperiment
+    if experiment is None:
+        return 0.01
+    if experiment.stepSize:
+        return float(experiment.stepSize)
+    length = float(experiment.stopTime or 1.0) - float(experiment.startTime or 0.0)
+    fixed = description.coSimulation.fixedInternalStepSize if description.coSimulation is not None else None
+    return min(length / 1000, 100 * float(fixed)) if fixed else length / 1000
+
+
+def move(instance: Instance, steps: int) -> FloatArray:
+    """Take some steps, or change the continuous states; return the outputs."""
+    for _ in range(steps):
+        if instance.co_simulation:
+            instance.step(duration(instance.description))
+        else:
+            states = instance.get_states()
+            instance.set_states(states + 1e-3 * instance.get_states(rates=True))
+    return instance.get([v for v in instance.description.modelVariables if v.causality == "output" and is_float(v)])
+
+
 def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.random.Generator, point: int) -> None:
     """Move every known away from its value, as far as the unit accepts it; Booleans are true at every other point."""
     for known in knowns:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from baryscope.fmu.check.capabilities import duration
 from baryscope.fmu.check.description import continuous_inputs, is_float
 from baryscope.fmu.check.finding import Finding, error
 from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+from baryscope.fmu.check.moving import duration
 
 PARTS = 8  # short steps with held inputs, which a ramp is compared with: their error is 1/64 of its effect
 VISIBLE = 1e-9  # effects on outputs below this share of them say nothing

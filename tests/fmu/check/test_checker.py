@@ -9,10 +9,6 @@ from fmpy.validation import validate_fmu
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.check.finding import Severity
 from baryscope.fmu.check.units import exponents_of_name
-from baryscope.fmu.generate.build import describe_unit
-from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
-from baryscope.fmu.generate.sources import MAIN, interface_headers
-from baryscope.fmu.layout.platforms import host_platform
 from baryscope.fmu.units.target import target_blueprint
 from baryscope.models.errors import InputError
 from baryscope.models.variables import UNITS
@@ -23,6 +19,7 @@ from mutations import (
     flag,
     mutated,
     place,
+    relinked,
     rewritten,
     unknown,
     unknown3,
@@ -79,12 +76,8 @@ NOT_FOLLOWED = r"with derivative 1 found .* after a step, expected .* \(canInter
 def test_a_library_that_does_not_follow_derivatives_of_inputs_is_caught(
     small, small_fmu, tmp_path, source, words, count
 ):
-    _, sources = describe_unit(target_blueprint(small), 2)
-    assert sources["continuous_calls.c"].count(RATE) == 1
-    sources |= {"continuous_calls.c": sources["continuous_calls.c"].replace(RATE, source)} | interface_headers(2)
-    job = Job(sources, MAIN, "TumblingTarget.so", host_platform(), tuple(find_compiler()))
-    [library] = compile_all([job]).values()
-    unit = rewritten(small_fmu, tmp_path / "m.fmu", lambda name, c: library if name.startswith("binaries/") else c)
+    changes = [("continuous_calls.c", RATE, source)]
+    unit = relinked(small_fmu, tmp_path / "m.fmu", target_blueprint(small), 2, changes)
     found = errors_of(unit)
     assert len(found) == count
     assert all(re.search(words, line) for line in found), found
