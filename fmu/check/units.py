@@ -7,8 +7,8 @@ from itertools import groupby
 from typing import Any
 
 from baryscope.fmu.check.finding import Finding, error, warning
+from baryscope.fmu.layout.measures import BASES
 
-BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 Exponents = Mapping[str, int]
 
 # Coherent SI symbols in base units. Other symbols, such as prefixed ones, are not checked.

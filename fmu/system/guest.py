@@ -7,10 +7,11 @@ from pathlib import Path
 import fmpy
 
 from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.layout.measures import Measure, measure_of, measures_of
 from baryscope.fmu.layout.whole import refuse_cut_unit
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder
-from baryscope.models.variables import Kind, Variable
+from baryscope.models.variables import UNITS, Kind, Variable
 
 EXPECTED = "an FMU of FMI 2.0 for Co-Simulation"
 _CAUSALITIES = {Kind.INPUT: "input", Kind.OUTPUT: "output", Kind.PARAMETER: "parameter"}
@@ -24,17 +25,19 @@ class Guest:
         path: the FMU.
         summary: its description, or the name of its model.
         scalars: names of its variables → their causality and type.
+        measures: names of its variables → their units, of those that have one.
     """
 
     path: Path
     summary: str
     scalars: dict[str, tuple[str, str]]
+    measures: dict[str, Measure]
 
     def has(self, variable: Variable) -> bool:
         """Whether it has a variable of ours, by the names of its scalars, in the same role.
 
         Raises:
-            InputError: it has only some of the scalars, or one of another type.
+            InputError: it has only some of the scalars, or one of another type, or in another unit.
         """
         causality = _CAUSALITIES[variable.kind]
         names = variable.scalar_names
@@ -44,10 +47,14 @@ class Guest:
         kind = "Boolean" if variable.boolean else "Real"
         if missing:
             raise InputError(f"{self.path}: has no {causality} {missing[0]}, expected all of {variable.name}, or none")
+        expected = measure_of(variable.unit, UNITS.get(variable.unit))
         for name in names:
             found = self.scalars[name][1]
             if found != kind:
                 raise InputError(f"{self.path}: {name} is of type {found}, expected {kind}")
+            measure = self.measures.get(name)
+            if measure is not None and not measure.is_same(expected):
+                raise InputError(f'{self.path}: {name} is in "{measure.name}", expected "{expected.name}"')
         return True
 
     def require(self, variables: Iterable[Variable]) -> None:
@@ -80,4 +87,4 @@ def read_guest(path: AnyPath) -> Guest:
             raise InputError(f"{path}: is of FMI {description.fmiVersion}{how}, expected {EXPECTED}")
         refuse_cut_unit(folder, description.coSimulation.modelIdentifier, str(path))
     scalars = {variable.name: (variable.causality, variable.type) for variable in description.modelVariables}
-    return Guest(path, description.description or description.modelName, scalars)
+    return Guest(path, description.description or description.modelName, scalars, measures_of(description))

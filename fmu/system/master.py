@@ -16,9 +16,11 @@ from fmpy.ssp.ssd import Component, read_ssd
 from numpy.typing import NDArray
 
 from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.layout.measures import Measure, measures_of
 from baryscope.fmu.layout.whole import refuse_cut_unit
 from baryscope.fmu.runtime.instance import UnitError
 from baryscope.fmu.runtime.loading import loaded
+from baryscope.fmu.system.bindings import Bound, bound_parameters, defined_measures
 from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
 from baryscope.models.errors import InputError
 from baryscope.models.files import temporary_folder
@@ -43,6 +45,7 @@ class Unit:
         fmu: the instance, by fmpy.
         messages: errors that it has logged.
         parameters: bound values by name.
+        measures: units of measurement by name, of scalars that have one.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Unit:
     fmu: Any
     messages: list[str]
     parameters: Mapping[str, float] = field(default_factory=dict)
+    measures: Mapping[str, Measure] = field(default_factory=dict)
     _scalars: dict[str, list[str]] = field(default_factory=dict)
 
     def get(self, names: Sequence[str]) -> FloatArray:
@@ -181,10 +185,14 @@ def open_system(path: Path, step_size: float | None = None) -> Iterator[Master]:
         try:
             unpack(path, folder, EXPECTED)
             components, links = _structure(path)
-            stop_time = _stop_time(path, folder)
+            root = ET.parse(folder / STRUCTURE).getroot()  # noqa: S314  fmpy has parsed and validated it
+            stop_time = _stop_time(path, root)
+            bound = bound_parameters(path, folder, root)
             for component in components:
                 # A name may be any text, and the archive may have a folder of that name.
-                opened[component.name] = _opened(path, folder, component, top / f"unit-{len(opened)}")
+                place = top / f"unit-{len(opened)}"
+                opened[component.name] = _opened(path, folder, component, bound[component.name], place)
+            _refuse_other_measures(path, opened, root)
             master = Master(opened, _bundles(path, opened, links), stop_time)
             if step_size is not None:
                 master.step_size = step_size
@@ -217,21 +225,50 @@ def _structure(path: Path) -> tuple[list[Component], list[Link]]:
     return components, links
 
 
-def _stop_time(path: Path, folder: Path) -> float | None:
+def _stop_time(path: Path, root: ET.Element) -> float | None:
     """That of the default experiment; what fmpy passes over in a structure that it has found valid.
 
     Raises:
-        InputError: values are transformed where they are connected.
+        InputError: values are transformed where they are connected, or the start is not 0.
     """
-    root = ET.parse(folder / STRUCTURE).getroot()  # noqa: S314  fmpy has parsed and validated it
     if any(element.tag.endswith("Transformation") for element in root.iter()):
         raise InputError(f"{path}: a connection transforms its values, expected {EXPECTED}")
-    experiment = root.find(f"{{{NAMESPACES['ssd']}}}DefaultExperiment")
-    stop = None if experiment is None else experiment.get("stopTime")
+    experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
+    if experiment is None:
+        return None
+    if float(experiment.get("startTime", "0")) != 0.0:
+        raise InputError(f"{path}: starts at {experiment.get('startTime')} s, expected 0 s")
+    stop = experiment.get("stopTime")
     return None if stop is None else float(stop)
 
 
-def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit:
+def _refuse_other_measures(path: Path, units: Mapping[str, Unit], root: ET.Element) -> None:
+    """Refuse a connection of values in different units: SSP asks masters to convert them, and this one does not."""
+    defined = defined_measures(root, "ssd")
+    given = {
+        (component.get("name"), connector.get("name")): real.get("unit")
+        for component in root.iterfind("ssd:System/ssd:Elements/ssd:Component", NAMESPACES)
+        for connector in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES)
+        for real in connector.iterfind("ssc:Real", NAMESPACES)
+    }
+
+    def measure(element: str, scalar: str) -> Measure | None:
+        name = given.get((element, scalar))
+        own = units[element].measures.get(scalar) if element in units else None
+        return own if name is None else defined.get(name, Measure(name))
+
+    for one in root.iterfind("ssd:System/ssd:Connections/ssd:Connection", NAMESPACES):
+        first, second = ((one.get(f"{end}Element", ""), one.get(f"{end}Connector", "")) for end in ("start", "end"))
+        start, end = measure(*first), measure(*second)
+        if one.get("suppressUnitConversion") in ("true", "1") or start is None or end is None or start.is_same(end):
+            continue
+        raise InputError(
+            f'{path}: connects {".".join(first)} in "{start.name}" to {".".join(second)} in "{end.name}", '
+            "expected one unit: no values are converted here"
+        )
+
+
+def _opened(path: Path, folder: Path, component: Component, bound: Mapping[str, Bound], place: Path) -> Unit:
     """An instance of a component's unit in the folder of an archive, with its parameters; unpacked in a new place."""
     where = folder / component.source
     if not where.resolve().is_relative_to(folder.resolve()) or not where.is_file():
@@ -247,7 +284,8 @@ def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit
         raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
     refuse_cut_unit(place, description.coSimulation.modelIdentifier, source)
     references = {variable.name: variable.valueReference for variable in description.modelVariables}
-    parameters = _parameters(path, component, references)
+    measures = measures_of(description)
+    parameters = _parameters(path, component.name, bound, references, measures)
     fmu, messages = _instantiated(component.name, description, place)
     experiment = description.defaultExperiment
     return Unit(
@@ -260,6 +298,7 @@ def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit
         fmu,
         messages,
         parameters,
+        measures,
     )
 
 
@@ -291,37 +330,38 @@ def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[
     return fmu, messages
 
 
-def _parameters(path: Path, component: Component, known: Collection[str]) -> dict[str, float]:
-    """The values that are bound at a component, whose unit has the `known` scalars.
+def _parameters(
+    path: Path, component: str, bound: Mapping[str, Bound], known: Collection[str], measures: Mapping[str, Measure]
+) -> dict[str, float]:
+    """The values that are bound at a component, in the units of its unit's variables, the `known` scalars.
 
     Raises:
-        InputError: one is bound to no scalar, or is no number or truth value.
+        InputError: one is bound to no scalar, or is in a unit of another kind.
     """
     found = {}
-    for binding in component.parameterBindings:
-        for one in [one for values in binding.parameterValues for one in values.parameters]:
-            place = f"{path}: binds {component.name}.{one.name}"
-            if one.name not in known:
-                raise InputError(f"{place}, which is not in its unit, expected {EXPECTED}")
-            try:
-                found[one.name] = _number(one.value)
-            except ValueError as error:
-                raise InputError(f"{place} to {one.value!r}, expected a number, true or false") from error
+    for name, value in bound.items():
+        place = f"{path}: binds {component}.{name}"
+        if name not in known:
+            raise InputError(f"{place}, which is not in its unit, expected {EXPECTED}")
+        try:
+            found[name] = value.in_unit_of(measures, name)
+        except ValueError as error:
+            raise InputError(f"{place} {error}") from error
     return found
-
-
-def _number(text: str) -> float:
-    return {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else float(text)
 
 
 def _bundles(path: Path, units: Mapping[str, Unit], links: Sequence[Link]) -> list[_Bundle]:
     """Connections of scalars of one type between the same units, together."""
     groups: dict[tuple[str, str, bool], list[Link]] = {}
+    fed: set[tuple[str, str]] = set()
     for link in links:
         start, output, end, taken = link
         for element, scalar in ((start, output), (end, taken)):
             if element not in units or scalar not in units[element].references:
                 raise InputError(f"{path}: connects {element}.{scalar}, which is in no unit, expected {EXPECTED}")
+        if (end, taken) in fed:
+            raise InputError(f"{path}: connects two outputs to {end}.{taken}, expected one")
+        fed.add((end, taken))
         groups.setdefault((start, end, output in units[start].booleans), []).append(link)
     return [
         _Bundle(start, tuple(link[1] for link in own), end, tuple(link[3] for link in own))

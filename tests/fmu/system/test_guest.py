@@ -85,6 +85,10 @@ REFUSED = {
         [(r'(name="navigation\.valid"[^>]*>\s*)<Boolean [^>]*/>', r'\1<Real start="1"/>')],
         r"guest\.fmu: navigation\.valid is of type Real, expected Boolean",
     ),
+    "another unit": (
+        [(r'(name="target\.position\[2\]"[^>]*>\s*<Real [^>]*)unit="m"', r'\1unit="km"')],
+        r'guest\.fmu: target\.position\[2\] is in "km", expected "m"',
+    ),
     "no Co-Simulation": (
         [(r"<CoSimulation[^>]*>", '<ModelExchange modelIdentifier="x">'), ("</CoSimulation>", "</ModelExchange>")],
         r"guest\.fmu: is of FMI 2\.0, without Co-Simulation, expected an FMU of FMI 2\.0 for Co-Simulation",
