@@ -61,6 +61,15 @@ static void remove_formats(char *message)
         if (*c == '%') *c = '_';
 }
 
+/* A text in UTF-8 that was cut off may end with a part of a character: cut that off, too. */
+static void end_with_a_character(char *text)
+{
+    char *end = text + strlen(text), *last = end;
+    while (last > text && (*--last & 0xC0) == 0x80) continue;
+    const int lead = (unsigned char)*last, size = lead < 0xC0 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4;
+    if (end - last < size) *last = '\0';
+}
+
 static const char *const CATEGORIES[N_CATEGORIES] = {
     [ON_EVENTS] = "logEvents",
     [ON_WARNINGS] = "logStatusWarning",
@@ -69,9 +78,9 @@ static const char *const CATEGORIES[N_CATEGORIES] = {
 
 static void say(const Instance *instance, Category category, Status status, const char *format, va_list arguments)
 {
-    char message[MESSAGE_SIZE + NAME_SIZE];
+    char message[LINE_SIZE];
     if (!instance->logs[category]) return;
-    vsnprintf(message, sizeof message, format, arguments);
+    if (vsnprintf(message, sizeof message, format, arguments) >= LINE_SIZE) end_with_a_character(message);
     remove_formats(message);
     instance->log(instance, status, CATEGORIES[category], message);
 }
@@ -127,9 +136,10 @@ static const char *creation_fault(const char *name, Interface interface, const c
 static Instance *instance_create(const char *name, Interface interface, const char *token, Log *log, void (*logger)(void),
                                  void *environment, bool log_events)
 {
-    Instance *instance = calloc(1, sizeof *instance);
+    const size_t length = name ? strlen(name) : 0;
+    Instance *instance = calloc(1, sizeof *instance + length + 1);
     if (!instance) return NULL;
-    snprintf(instance->name, NAME_SIZE, "%s", name ? name : "");
+    if (length > 0) memcpy(instance->name, name, length);
     remove_formats(instance->name);
     instance->log = log;
     instance->logger = logger;

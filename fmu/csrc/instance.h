@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-#define NAME_SIZE 128
+#define LINE_SIZE (MESSAGE_SIZE + 128) /* of a message after the name of the function that was called */
 #define MARK 0x62617279u /* tells an instance from most other pointers */
 
 typedef enum { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3 } Status;
@@ -36,12 +36,12 @@ typedef struct {
 
 struct Instance {
     unsigned mark;
-    char name[NAME_SIZE];
     Log *log;
     void (*logger)(void); /* the importer's, of the version's type */
     void *environment;
     bool logs[N_CATEGORIES];
     Core core;
+    char name[]; /* whole: importers know their instances by it */
 };
 
 /* Calls that are allowed in the same states. */

@@ -73,7 +73,7 @@ static double reference_outputs[2][N_OUTPUTS];
 static void hear(const char *message)
 {
     messages += message[0] != '\0';
-    if (strchr(message, '%') || strlen(message) > MESSAGE_SIZE + NAME_SIZE) exit(2);
+    if (strchr(message, '%') || strlen(message) >= LINE_SIZE) exit(2);
 }
 
 static void stop(const char *what, const char *why)

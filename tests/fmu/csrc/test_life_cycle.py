@@ -5,6 +5,7 @@ import math
 
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
 from importer import DISCARD, Importer
 
@@ -157,3 +158,19 @@ def test_a_long_instance_name_and_percent_signs_are_harmless(importer):
         s.fmi2Terminate(component)
     assert "fmi2Terminate" in importer.messages[-1]
     s.fmi2FreeInstance(component)
+
+
+def test_the_logger_gets_the_whole_name_and_whole_characters(importer):
+    """An importer knows its instances by their names, however deep in a system: 127 bytes of one were passed on."""
+    s, heard = importer.fmu, []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *a: heard.append((a[1], a[4])))
+    name = "système.".encode() * 40
+    component = s.fmi2Instantiate(name, 1, s.guid.encode(), b"", ctypes.byref(callbacks), 0, 0)
+    for letters in range(4):  # so that the message is cut off at each place within a character
+        category = ctypes.c_char_p(("x" * letters + "𝄞" * 300).encode())
+        with pytest.raises(FMICallException):
+            s.fmi2SetDebugLogging(component, 1, 1, (ctypes.c_char_p * 1)(category))
+    s.fmi2FreeInstance(component)
+    assert [one for one, _ in heard] == [name] * 4
+    assert all(message.decode().endswith("𝄞") for _, message in heard)
