@@ -177,6 +177,8 @@ static void start_bank(Online *filter) {
         filter->bank[m].weight = weight;
     }
     filter->bank[SHADOW] = first;
+    for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int p = 0; p < PRODUCTS; p++) filter->curve[a][p] = 0.0;
 }
 
 /* What an acceleration adds to a component of (r, v) in T s. */

@@ -157,6 +157,7 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
         Transition transition;
         step_on(filter, from, last ? end : from + T, last ? manoeuvre : NULL, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
+        if (filter->manoeuvred != 0.0) advance_curve(filter, transition.F, last ? manoeuvre : NULL);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
     }
     filter->time = end;

@@ -78,9 +78,11 @@ static void weigh_members(Online *filter) {
     filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
 }
 
-/* A node updates all members but the shadow, and of them M, what it only seems to show, is taken back; returns the one that jumps there,
-   or -1. 0 in *sound where rounding has left a covariance indefinite. */
-static int update_members(Online *filter, const Measurement *measurement, double M[3][3], double span, double *jump, int *sound) {
+/* A node updates all members but the shadow, with a curve or NULL, and of them M, what it only seems to show, is taken back; returns
+   the one that jumps there, or -1. 0 in *sound where rounding has left a covariance indefinite. */
+static int update_members(
+    Online *filter, const Measurement *measurement, Curve curve, double M[3][3], double span, double *jump, int *sound
+) {
     for (int m = 0; m < MEMBERS; m++)
         if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], measurement);
     int fresh = jumped(filter, measurement, span, jump);
@@ -89,7 +91,7 @@ static int update_members(Online *filter, const Measurement *measurement, double
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        *sound = update_member(&member, measurement) && *sound;
+        *sound = update_on_curve(&member, measurement, curve) && *sound;
         take_back_of_member(&member, M, filter->widest);
         pack_member(&member, &filter->bank[m]);
     }
@@ -119,7 +121,9 @@ static void note_trend(Online *filter, const Measurement *measurement) {
 static double update_bank(Online *filter, const Measurement *measurement, double M[3][3], int *late) {
     double jump = 0.0;
     note_trend(filter, measurement);
-    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, measurement, M, filter->span, &jump, &sound);
+    update_curve(filter, measurement);
+    int sound, parent = likeliest(filter->bank);
+    int fresh = update_members(filter, measurement, filter->curve, M, filter->span, &jump, &sound);
     int best = likeliest(filter->bank);
     const PackedMember *first = &filter->bank[best];
     const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];

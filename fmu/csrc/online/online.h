@@ -55,6 +55,7 @@ enum {
     MOTION = PATH_AND_MAP + 3, /* of one whose path bends: its acceleration, too */
     THRUST = MOTION,    /* once the chaser has manoeuvred: what its thrusters are wrong by, a scale and a rotation vector in their axes */
     OF_THRUST = 4,
+    PRODUCTS = 9, /* of two of these: of the scale and a pointing, and of two pointings */
     ERRORS = THRUST + OF_THRUST,
     PAIRS = ERRORS * (ERRORS + 1) / 2,
     N_ELEMENTS = 7,
@@ -211,7 +212,7 @@ typedef struct {
 typedef struct {
     OnlineOptions options; /* first, where Python reads them */
     double time;
-    double P[MOST_ERRORS][MOST_ERRORS]; /* after an even number of doubles: rows are aligned, where the struct is */
+    double P[MOST_ERRORS - 1][MOST_ERRORS]; /* but for the one that is none; after an even number of doubles: rows are aligned, where the struct is */
     double frames; /* used */
     double lost;   /* frames in a row that did not fit the map */
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
@@ -224,6 +225,7 @@ typedef struct {
     Transition transition; /* since then, but for its step */
     double manoeuvred; /* 1: the chaser has, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
     double thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
+    double curve[PATH_AND_MAP][PRODUCTS]; /* second derivatives of what a member knows of (r, v, offset, scale) by that */
     double widest;        /* variance of the offset before the first frame, m2 */
     double first_attitude; /* variance of the attitude that the first frame shows by itself, rad2 */
     double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */

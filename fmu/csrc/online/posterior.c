@@ -28,13 +28,15 @@ static int open_node(const Online *filter, const PackedMember *likely, Measureme
 }
 
 /* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measurement, double M[3][3], double widest) {
+static int take_measurement(
+    PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double M[3][3], double widest
+) {
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
         add_change(&bank[m], measurement);
         unpack_member(&bank[m], &member);
-        if (!update_member(&member, measurement)) return 0;
+        if (!update_on_curve(&member, measurement, curve)) return 0;
         take_back_of_member(&member, M, widest);
         pack_member(&member, &bank[m]);
     }
@@ -105,7 +107,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement, M);
-    if (taken && !take_measurement(bank, &measurement, M, filter->widest)) propagated_bank(filter, &transition, bank);
+    if (taken && !take_measurement(bank, &measurement, filter->curve, M, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);

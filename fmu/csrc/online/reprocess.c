@@ -61,7 +61,7 @@ static int update_again(Online *filter, const StoredNode *stored, Measurement *m
         pack_member(&member, &filter->bank[m]);
     }
     seeming(measurement->offset, measurement->turn, measurement->noise, M);
-    update_members(filter, measurement, M, stored->transition.span, &jump, &sound);
+    update_members(filter, measurement, NULL, M, stored->transition.span, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)

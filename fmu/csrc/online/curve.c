@@ -1,0 +1,105 @@
+/* What pushes do to the path is no linear function of what thrusters are wrong by, and they stay in it: each push is linear about
+what was known of the thrusters then, 2 % of which make errors of 0.02 % of it, which no later node shows to be such. So of what a
+member knows of (r, v, offset, scale) for each error of the thrusters, a curve, its second derivatives by these are kept: a push adds
+to them, they go on with the path, and what a node tells of (r, v, offset, scale) for given errors makes the curve straighter. Where a
+node changes what is known of the thrusters, the member goes along the curve, and its regression on them is the slope there. That is
+the extended Kalman filter of a path without pushes, which are put together anew for what is known of the thrusters now, but that
+what pushes did is forgotten as process noise has it forgotten. All members have the curve of the likeliest. */
+
+typedef const double (*Curve)[PRODUCTS];
+
+/* Where the second derivative by two pointings is kept. */
+static int product_of(int i, int j) { return 3 + packed_index(i, j); }
+
+/* The curve goes on with a step of the path, at the end of which there is a manoeuvre, or NULL. */
+static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre *manoeuvre) {
+    double(*curve)[PRODUCTS] = filter->curve;
+    for (int p = 0; p < PRODUCTS; p++) {
+        double before[6];
+        for (int i = 0; i < 6; i++) before[i] = curve[i][p];
+        for (int i = 0; i < 6; i++) curve[i][p] = dot(F[i], before) + dot(&F[i][3], &before[3]);
+    }
+    for (int half = 0; half < 6 && manoeuvre; half += 3) {
+        double moved[3], along[3], errors[3][OF_THRUST];
+        truly_moved(filter->thrust, manoeuvre->axes, &manoeuvre->moved[half], moved, errors);
+        transposed_times(manoeuvre->axes, moved, along);
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < 3; i++) {
+                curve[half + k][i] -= errors[k][1 + i] / (1.0 + filter->thrust[0]);
+                for (int j = 0; j <= i; j++) /* half of t_i x (t_j x moved) + t_j x (t_i x moved), of axes t */
+                    curve[half + k][product_of(i, j)] -=
+                        0.5 * (manoeuvre->axes[k][i] * along[j] + manoeuvre->axes[k][j] * along[i]) - (i == j) * moved[k];
+            }
+    }
+}
+
+/* What a member knows of the thrusters has changed: it goes along the curve. */
+static void follow_curve(Curve curve, const double change[OF_THRUST], Member *member) {
+    for (int a = 0; a < PATH_AND_MAP; a++) {
+        double slope[OF_THRUST] = {0.0};
+        for (int i = 0; i < 3; i++) {
+            slope[0] += curve[a][i] * change[1 + i];
+            slope[1 + i] += curve[a][i] * change[0];
+            for (int j = 0; j < 3; j++) slope[1 + i] += curve[a][product_of(i, j)] * change[1 + j];
+        }
+        for (int k = 0; k < OF_THRUST; k++) {
+            member->x[a] += 0.5 * slope[k] * change[k];
+            for (int b = 0; b < ERRORS; b++) member->P[a][b] += slope[k] * member->P[THRUST + k][b];
+        }
+        for (int b = 0; b < ERRORS; b++)
+            for (int k = 0; k < OF_THRUST; k++) member->P[b][a] += slope[k] * member->P[b][THRUST + k];
+    }
+}
+
+/* The update with a node, along a curve, or NULL; 0 if rounding has left the covariance indefinite. */
+static int update_on_curve(Member *member, const Measurement *measurement, Curve curve) {
+    double change[OF_THRUST];
+    for (int k = 0; k < OF_THRUST; k++) change[k] = -member->x[THRUST + k];
+    const int sound = update_member(member, measurement);
+    for (int k = 0; k < OF_THRUST; k++) change[k] += member->x[THRUST + k];
+    if (sound && curve && member->errors > MOTION) follow_curve(curve, change, member);
+    return sound;
+}
+
+/* A member whose thrusters are known; 0 where their covariance is none. */
+static int with_known_thrust(const PackedMember *from, Member *member) {
+    double A[OF_THRUST * OF_THRUST], H[OF_THRUST];
+    unpack_member(from, member);
+    for (int k = 0; k < OF_THRUST * OF_THRUST; k++) A[k] = member->P[THRUST + k / OF_THRUST][THRUST + k % OF_THRUST];
+    if (!factored(OF_THRUST, A)) return 0;
+    for (int a = 0; a < MOTION; a++) {
+        for (int k = 0; k < OF_THRUST; k++) H[k] = member->P[a][THRUST + k];
+        solved(OF_THRUST, A, H);
+        for (int b = 0; b < MOTION; b++)
+            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] -= H[k] * member->P[THRUST + k][b];
+    }
+    member->errors = MOTION;
+    return 1;
+}
+
+/* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member has for given thrusters. */
+static void update_curve(Online *filter, const Measurement *measurement) {
+    double(*curve)[PRODUCTS] = filter->curve, e[3], L[9], B[3][ERRORS];
+    PackedMember best = filter->bank[likeliest(filter->bank)];
+    Member member;
+    if (filter->manoeuvred == 0.0) return;
+    add_change(&best, measurement);
+    if (!with_known_thrust(&best, &member) || !innovation(&member, measurement, e, L, B)) return;
+    whiten_rows(L, MOTION, ERRORS, B[0]);
+    for (int p = 0; p < PRODUCTS; p++) {
+        double of_map[OF_MAP];
+        for (int a = 0; a < OF_MAP; a++) {
+            of_map[a] = curve[OFFSET + a][p];
+            for (int b = 0; b < OF_MAP; b++) of_map[a] += measurement->follow[a][b] * curve[OFFSET + b][p];
+        }
+        for (int k = 0; k < 3; k++) {
+            e[k] = curve[k][p] + dot(measurement->offset[k], of_map) + measurement->scale[k] * of_map[SCALE - OFFSET];
+            for (int j = 0; j < 3; j++) e[k] -= measurement->lag[k][j] * curve[3 + j][p];
+        }
+        whitened(L, e);
+        for (int a = 0; a < PATH_AND_MAP; a++) {
+            if (a >= OFFSET) curve[a][p] = of_map[a - OFFSET];
+            curve[a][p] -= B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];
+        }
+    }
+}
