@@ -173,17 +173,25 @@ static void axes_of(const double quaternion[4], double R[3][3])
     matrix_of(q, R);
 }
 
-/* The axes of the thrusters, which are fixed to the chaser as the camera is, between the last sample and this one: halfway. */
-static void axes_between(Model *model, const double *values, double axes[3][3])
+/* The axes of the thrusters, which are fixed to the chaser as the camera is, in the middle between the last sample and this one, at a time:
+   by the parabola through the rotation vectors of the last three, or halfway where there is no sample before or it was long ago. */
+static void axes_between(Model *model, const double *values, double time, double axes[3][3])
 {
-    double now[3][3], turn[3];
+    double now[3][3], turn[3], middle[3];
     axes_of(values + AT_ATTITUDE, now);
-    if (model->filter.frames == 0.0) copy(now, model->axes);
+    if (model->filter.frames == 0.0) copy(now, model->axes), model->turned_in = 0.0, model->axes_at = time;
+    const double span = time - model->axes_at, before = model->turned_in;
+    const bool bent = before > 0.0 && span <= 2.0 * before;
     angle_between(now, model->axes, turn);
-    for (int k = 0; k < 3; k++) turn[k] *= 0.5;
+    for (int k = 0; k < 3; k++) {
+        middle[k] = 0.5 * turn[k];
+        if (bent) middle[k] -= 0.25 * span * (turn[k] - model->turned[k] * span / before) / (span + before);
+        model->turned[k] = turn[k];
+    }
     copy(model->axes, axes);
-    turn_left(turn, axes);
+    turn_left(middle, axes);
     copy(now, model->axes);
+    model->turned_in = span, model->axes_at = time;
 }
 
 /* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one.
@@ -213,7 +221,7 @@ static bool take_sample(Model *model, const double *values, char *message)
     double next;
     double axes[3][3];
     Manoeuvre manoeuvre;
-    axes_between(model, values, axes);
+    axes_between(model, values, time, axes);
     while (model->filter.frames > 0.0 && (next = next_point(model, model->filter.time, time)) < time) {
         manoeuvre = manoeuvre_between(model, model->filter.time, next, axes);
         advance(&model->filter, next, &manoeuvre);

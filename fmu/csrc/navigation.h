@@ -23,6 +23,8 @@ typedef struct {
     bool told[N_FAULTS]; /* that so was the first one of them */
     double attitude[4]; /* (w, x, y, z), of the last one that fits */
     double axes[3][3];  /* of the camera at the last sample, R_C_V */
+    double axes_at;     /* s, the time of that */
+    double turned[3], turned_in; /* rotation vector in C from the sample before it, and s since that; 0: there is none */
     double sight[3];    /* mean of the points of the last one, in C */
     int count;
     Past past[MOST_PAST]; /* the oldest first */

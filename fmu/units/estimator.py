@@ -58,7 +58,8 @@ _EQUATIONS = (
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     f"the filter begins with another map. It holds up to {MOST_FEATURES} features.",
     "The chaser's thrusters may be wrong by a scale and a misalignment in the camera's axes, of the deviation "
-    "filter.thrust: both are estimated from the first command on.",
+    "filter.thrust: both are estimated from the first command on. Between samples these axes are those of the "
+    "middle, on the parabola through the last three.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "
