@@ -94,7 +94,7 @@ class Orbit:
             if value is not None and not low <= value <= high:
                 raise InputError(f"orbit.{name}: found {value:g} {unit}, expected {low:g} to {high:g} {unit}")
         periapsis = self.semi_major_axis * (1 - self.eccentricity)
-        if self._is_the_earths and periapsis < EARTH_RADIUS:
+        if self.is_the_earths and periapsis < EARTH_RADIUS:
             raise InputError(
                 f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, which puts the periapsis "
                 f"{periapsis:g} m from the Earth's centre, expected metres and an orbit above the surface"
@@ -117,7 +117,7 @@ class Orbit:
         if getattr(self, given) is not None and getattr(self, missing) is None:
             raise InputError(f"orbit.{missing}: missing, expected a value beside {given}")
         radius = self.equatorial_radius
-        if radius is not None and self._is_the_earths and abs(radius / EARTH_RADIUS - 1) > 0.01:
+        if radius is not None and self.is_the_earths and abs(radius / EARTH_RADIUS - 1) > 0.01:
             raise InputError(
                 f"orbit.equatorial_radius: found {radius:g} m, expected the Earth's, {EARTH_RADIUS:g} m, to 1 %"
             )
@@ -144,7 +144,7 @@ class Orbit:
 
     def with_earths_j2(self) -> "Orbit | None":
         """The same orbit with the Earth's J2, about the z axis; None if its forces are known, or not the Earth's."""
-        if self.j2 is not None or self.ephemeris is not None or not self._is_the_earths:
+        if self.j2 is not None or self.ephemeris is not None or not self.is_the_earths:
             return None
         return replace(self, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 
@@ -159,7 +159,8 @@ class Orbit:
         return tuple(getattr(self, field.name) for field in fields(self)[:ELEMENT_COUNT])
 
     @property
-    def _is_the_earths(self) -> bool:
+    def is_the_earths(self) -> bool:
+        """Whether the central body is the Earth."""
         return abs(self.gravitational_parameter / EARTH_MU - 1) < 0.01
 
     @property

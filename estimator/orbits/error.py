@@ -17,7 +17,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
-from baryscope.models.orbit import Orbit
+from baryscope.models.orbit import EARTH_RADIUS, Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +27,10 @@ NAMES = tuple(
 )
 STEP = 1e3  # m, of the difference quotient of the gradient
 UNTOLD_TURN = float(np.radians(0.2))  # of an orbit, rad, rms: each size from 1 m to GREATEST is as likely as another
-UNTOLD_PUSH = 1e-7  # m/s²: as the drag on one body in a low orbit is more than on the other, or light in any
+UNTOLD_LIGHT = 1e-7  # m/s²: as light is on one body more than on another, in any orbit
+# What drag is at an altitude on bodies that differ by 0.02 m²/kg, and the scale height there (Vallado 2013, table 8-4).
+UNTOLD_DRAG, ALTITUDE, SCALE_HEIGHT = 1e-6, 450e3, 61e3  # m/s², m
+MOST_PUSH = 1e-5  # m/s², where nothing stays for long
 LEAST = 1.0  # m, standard deviation of a component
 GREATEST = float(np.radians(1.0))  # the same seen from the Earth's centre, rad: a file that is further off is another's
 # A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
@@ -90,6 +93,13 @@ def perturbing_accelerations(
     """
     changes = ((ahead - behind) / (2 * step) for ahead, behind in gradients)
     return np.stack([np.einsum("kij,kj->ki", change, position) for change in changes], axis=2)
+
+
+def untold_push(orbit: Orbit) -> float:
+    """The deviation of a constant acceleration of the target less the chaser that nobody tells, m/s²."""
+    altitude = orbit.semi_major_axis * (1 - orbit.eccentricity) - EARTH_RADIUS
+    drag = UNTOLD_DRAG * float(np.exp((ALTITUDE - altitude) / SCALE_HEIGHT)) if orbit.is_the_earths else 0.0
+    return UNTOLD_LIGHT + min(drag, MOST_PUSH)
 
 
 def with_orbit_error(

@@ -6,6 +6,7 @@ for each metre: an orbit that is a little off, or a push of as much, moves the a
 often the path shows that there is none; where it does not, the claim has to allow for it.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +22,11 @@ from baryscope.estimator.findings import UntoldAccuracy
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import (
     ORBIT_ERROR,
-    UNTOLD_PUSH,
     UNTOLD_TURN,
     InexactOrbitPath,
     inexact_parts,
     orbit_error,
+    untold_push,
 )
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
@@ -36,7 +37,7 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-NEGLIGIBLE = 1e-12  # share of a force's variances, that is as none
+NEGLIGIBLE = 1e-6  # share of a force's deviations, that is as none
 RESTS = 2.0  # times as wide a claim, from which the answer rests on a force
 
 
@@ -52,13 +53,14 @@ def with_errors_of_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
         told = orbit.accuracy is not None
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
-        if told or _is_in_doubt(found, path, displaced):
+        if told or _doubtful(found, path, displaced, (1.0,)):
             parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, deviation))
     if options.constant_acceleration == "none" and path.density is None:
-        pushed = constant_of("lvlh", orbit, path.begin, path.end)
-        pushed = replace(pushed, deviations=np.full(3, UNTOLD_PUSH))
-        if _is_in_doubt(found, path, pushed):
-            parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, UNTOLD_PUSH))
+        pushed, size = constant_of("lvlh", orbit, path.begin, path.end), untold_push(orbit)
+        pushed = replace(pushed, deviations=np.full(3, size))
+        if share := _doubtful(found, path, pushed, (1.0, 0.1)):
+            pushed = replace(pushed, deviations=share * pushed.deviations)
+            parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, share * size))
     if not parts:
         return found
     base: Path = path.base
@@ -74,8 +76,9 @@ def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
     return (UntoldAccuracy(untold.get("m", 0.0), untold.get("m/s²", 0.0)),) if untold else ()
 
 
-def _is_in_doubt(found: Pivot, path: ProcessNoisePath, force: Force) -> bool:
-    """Whether the tracks do not exclude a force, and the claim is much wider with it, at any frame in any direction.
+def _doubtful(found: Pivot, path: ProcessNoisePath, force: Force, shares: Sequence[float]) -> float:
+    """The first of some shares of a force's deviations that the tracks do not exclude, if the claim is much wider with
+    it, at any frame in any direction; 0 if there is none.
 
     To first order, with the solution's weights; some frames are looked at, with the weights of all.
     """
@@ -88,11 +91,15 @@ def _is_in_doubt(found: Pivot, path: ProcessNoisePath, force: Force) -> bool:
     at = np.concatenate([found.solution.x, np.zeros(len(scale))])
     of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
     linear = scaled(linearised(few.bodies, observations, sampled, at, of_frames, found.offsets), found.variance)
-    costs, covariances = [], []
-    for share in (NEGLIGIBLE, 1.0):
-        prior = path.prior.joined(Prior.known(share * (force.deviations * scale) ** 2))
-        costs.append(cost(linear, prior, maximise(linear, prior)))
-        covariances.append(sampled.covariance(conditional(linear, prior, found.posterior.theta)[1]))
-    if costs[1] - costs[0] >= DECISIVE:
-        return False
-    return bool(np.linalg.eigvals(np.linalg.solve(*covariances)).real.max() >= RESTS**2)
+
+    def judged(share: float) -> tuple[float, FloatArray]:
+        prior = path.prior.joined(Prior.known((share * force.deviations * scale) ** 2))
+        covariance = conditional(linear, prior, found.posterior.theta)[1]
+        return cost(linear, prior, maximise(linear, prior)), sampled.covariance(covariance)
+
+    exact, own = judged(NEGLIGIBLE)
+    for share in shares:
+        with_force, wider = judged(share)
+        if with_force - exact < DECISIVE:
+            return share if np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2 else 0.0
+    return 0.0

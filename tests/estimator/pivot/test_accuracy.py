@@ -10,6 +10,9 @@ from scipy.stats import chi2
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import UntoldAccuracy, WrongOrbit
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.orbits.error import untold_push
+from baryscope.models.orbit import EARTH_RADIUS
+from baryscope.study.population.judging import of_estimate, prepared, wrong
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
 ORBIT = Orbit().model().of_simulation()
@@ -57,6 +60,25 @@ def test_an_orbit_that_is_exact_is_taken_at_its_word(method):
         error, deviation = along_axis(estimate(spinning(seed), orbit=ORBIT, method=method))
         assert deviation < 0.01
         assert (error / deviation) ** 2 < chi2.isf(1e-4, 1)
+
+
+def test_drag_that_nobody_tells_is_allowed_for():
+    """A sixth of a turn at 450 km: `population case --population third --seed 24 --index 77 --method pivot --orbit` had
+    a NEES of 239.
+    """
+    case, sample, _ = prepared(24, 77, "third")
+    found = estimate(sample.tracks, orbit=case.orbit)
+    (finding,) = found.findings
+    assert finding.push == pytest.approx(untold_push(case.orbit))
+    assert not wrong(of_estimate(found, case.path))
+
+
+def test_a_push_is_less_the_higher_the_orbit():
+    """Drag between 450 and 700 km as the density of Vallado's table 8-4 there, to a third; then light alone."""
+    circles = (replace(ORBIT, semi_major_axis=EARTH_RADIUS + 1e3 * one, eccentricity=0.0) for one in (450, 700))
+    push = [untold_push(orbit) for orbit in circles]
+    assert (push[1] - 1e-7) / (push[0] - 1e-7) == pytest.approx(3.614e-14 / 1.585e-12, rel=1 / 3)
+    assert untold_push(replace(ORBIT, semi_major_axis=42e6)) == pytest.approx(1e-7, rel=1e-3)
 
 
 def test_a_tumble_rests_on_no_orbit():
