@@ -156,6 +156,7 @@ DISPLAY_UNITS: dict[str, dict[str, float]] = {
 AXES = ("xx", "yy", "zz", "xy", "xz", "yz")  # elements of a symmetric tensor
 UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")  # of a covariance, row by row
 CAMERA = ("x, along the baseline", "y", "z, boresight")  # axes of a pair of cameras
+THRUSTERS = ("scale", *CAMERA)  # what thrusters are wrong by
 
 
 def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Variable, ...]:

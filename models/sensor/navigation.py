@@ -14,7 +14,17 @@ import casadi as ca
 from baryscope.models.checks import Check, CheckSet, orbit_checks
 from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
-from baryscope.models.variables import AXES, CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
+from baryscope.models.variables import (
+    AXES,
+    CAMERA,
+    LVLH,
+    NOT_NEGATIVE,
+    THRUSTERS,
+    UPPER,
+    Kind,
+    Variable,
+    variable_table,
+)
 
 STATUSES = ("waiting", "starting", "tracking", "doubtful", "lost")
 """The values of `status`, from 0; those of the online estimator."""
@@ -138,8 +148,14 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("processNoise", "m2/s3", "Estimated density of white acceleration", limits=NOT_NEGATIVE),
         shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
         shown("noiseLasting", "1", "How many samples have the same errors of the features", limits=NOT_NEGATIVE),
-        shown("thrust.error", "1", "Scale error of the thrusters, and misalignment, rad about each camera axis", (4,)),
-        shown("thrust.deviation", "1", "Standard deviations of thrust.error; 0 before thrust, or exact", (4,)),
+        shown(
+            "thrust.error", "1", "What the thrusters are wrong by, a scale and rad about each camera axis", (4,),
+            axes=THRUSTERS,
+        ),
+        shown(
+            "thrust.deviation", "1", "Standard deviations of thrust.error; 0 before thrust, or exact", (4,),
+            axes=THRUSTERS,
+        ),
         shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
         shown("body.covariances", "m2", "Covariances of body.features; 0 if unknown", (n, 6), axes=UPPER),
         shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),

@@ -1,5 +1,6 @@
 """CentreOfMassEstimator: against the filter called from Python, behind the target and a rig, with late samples."""
 
+import fmpy
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -226,6 +227,14 @@ def test_predictions_have_an_end(started, horizon):
     """At 1e12 s all numbers had overflowed, and the message spoke of points of other than metres."""
     unit = started("estimator")
     unit.refused(lambda: unit.set("prediction.horizon", horizon), f"found value {horizon:g}, expected 0 to 1e+06 s")
+
+
+@pytest.mark.parametrize("name", ["thrust.error", "thrust.deviation"])
+def test_what_thrusters_are_wrong_by_is_no_quaternion(units, name):
+    """A vector of four without names of its own is one, w to z, in the descriptions that importers show."""
+    told = {v.name: v.description for v in fmpy.read_model_description(str(units["estimator"])).modelVariables}
+    words = [told[f"{name}[{k}]"].rsplit(": ", 1)[1] for k in (1, 2, 3, 4)]
+    assert words == ["scale", "x, along the baseline", "y", "z, boresight"]
 
 
 TURNS = 60  # frames under thrust
