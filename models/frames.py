@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 Symbol = ca.SX
+SMALLEST_TURN = 1e-9  # rad, keeps its direction from a division by zero
 
 
 def cross_matrix(v: Symbol) -> Symbol:
@@ -78,6 +79,13 @@ def rotation_about(axis: int, angle: Symbol) -> Symbol:
     j, k = (axis + 1) % 3, (axis + 2) % 3
     R[j, j], R[j, k], R[k, j], R[k, k] = c, -s, s, c
     return R
+
+
+def turned(vector: Symbol, by: Symbol) -> Symbol:
+    """A vector turned by a rotation vector, rad (Rodrigues)."""
+    angle = ca.sqrt(ca.dot(by, by) + SMALLEST_TURN**2)
+    across = ca.cross(by, vector)
+    return vector + ca.sin(angle) / angle * across + 2 * (ca.sin(angle / 2) / angle) ** 2 * ca.cross(by, across)
 
 
 def rotation_I_P(raan: Symbol, inclination: Symbol, argument_of_periapsis: Symbol) -> Symbol:

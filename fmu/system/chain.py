@@ -35,6 +35,7 @@ _LINKS = (
     ("estimator", "body.features", "controller", "grapple.point"),
     ("estimator", "navigation.valid", "controller", "navigation.valid"),
     ("estimator", "sight.position", "controller", "sight.position"),
+    ("estimator", "thrust.error", "controller", "thrust.error"),
     ("controller", "camera.attitude", "rig", "camera.attitude"),
     ("controller", "command.acceleration", "plant", "chaser.acceleration"),
     ("controller", "command.acceleration", "estimator", "chaser.acceleration"),

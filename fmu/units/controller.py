@@ -39,6 +39,9 @@ _LAW = (
     "from there, in the cone corridor.halfAngle.",
     "The command is the field's derivative along the motion, plus control.rate times what the velocity lacks of it, "
     "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
+    "Thrusters that are wrong by thrust.error, a scale s and a rotation vector m in the camera's axes, push by (1 + s) "
+    "exp([m]x) times the command: it is corrected for that, in the axes of the camera as the command acts. What was "
+    "told while navigation was valid holds on.",
     "Where navigation fails, the chaser coasts for navigation.patience, or where that would lead it to the keep-out "
     "sphere the law goes on by dead reckoning. Then it retreats, out of the corridor along its axis, then straight "
     "away from the target to retreat.distance from the centre of mass and three deviations more, and rests there, "
@@ -50,7 +53,8 @@ _LAW = (
     "are in the body axes of target.attitude: with an estimator's, those of its map.",
 )
 _USE = (
-    "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
+    "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration. "
+    "thrust.error starts at 0: it takes thrusters for right, as those of TumblingTarget are.",
     "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it. Where a "
     "master hands it on in the next step, it acts a step later (command.steps is 1). Where it acts in the same step, "
     "command.steps is 0; thrusters that wait have command.delay. It is computed for the middle of the step in which it "

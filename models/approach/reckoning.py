@@ -41,10 +41,11 @@ class Belief:
         point, direction: of the grapple point, in B, m and 1.
         known: 1 once navigation could be used, else 0.
         outage: s; it grows while navigation cannot be used, and falls, by RECOVERY as fast, while it can.
-        command: (3,), the last one, LVLH, m/s².
+        push: (3,), the acceleration by the last command, LVLH, m/s².
         sight: (3,), `sight.position`, frame C, m.
         aside: (3,), from the CoM to there when it was news and navigation failed, frame C, m; else 0.
         across: (3,), x of the camera, frame C; 0 before the first step.
+        scale, misalignment: what the thrusters are wrong by, the latter (3,), a rotation vector in the camera's axes.
     """
 
     position: Symbol
@@ -58,10 +59,12 @@ class Belief:
     direction: Symbol
     known: Symbol
     outage: Symbol
-    command: Symbol
+    push: Symbol
     sight: Symbol
     aside: Symbol
     across: Symbol
+    scale: Symbol
+    misalignment: Symbol
 
     @classmethod
     def of(cls, column: Symbol) -> Self:
@@ -76,7 +79,7 @@ class Belief:
         return column
 
 
-SIZES = (3, 3, 1, 1, 4, 3, 6, 3, 3, 1, 1, 3, 3, 3, 3)  # of Belief's fields
+SIZES = (3, 3, 1, 1, 4, 3, 6, 3, 3, 1, 1, 3, 3, 3, 3, 1, 3)  # of Belief's fields
 SIZE = sum(SIZES)
 
 
@@ -115,6 +118,8 @@ def believed(kept: Belief, told: Named, given: Named, R_L_I: Symbol, spin: Symbo
         inertia=ca.if_else(of_body, told["target.inertia"], kept.inertia),
         point=ca.if_else(of_body, told["grapple.point"], kept.point),
         direction=ca.if_else(of_body, told["grapple.direction"], kept.direction),
+        scale=ca.if_else(valid, told["thrust.error"][0], kept.scale),
+        misalignment=ca.if_else(valid, told["thrust.error"][1:], kept.misalignment),
         sight=sight,
         aside=ca.if_else(valid, 0, ca.if_else(news, sight + R_L_I.T @ position, kept.aside)),
     )

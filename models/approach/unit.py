@@ -28,14 +28,21 @@ from baryscope.models.approach.reckoning import (
     outage_and_mode,
     tumble_known,
 )
+from baryscope.models.approach.thrusters import command_for, sight_rate
 from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_matrix
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
-from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import (
+    Symbol,
+    normalised,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_I_L,
+    turned,
+)
 from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
 from baryscope.models.relative_motion import relative_acceleration
-from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
+from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, THRUSTERS, UPPER, Kind, Variable, variable_table
 
-SMALLEST_TURN = 1e-9  # rad, keeps its direction from a division by zero
 ALONG = 0.9  # cosine from which two directions are too much alike to span a plane
 
 
@@ -80,7 +87,8 @@ def _outputs(
 ) -> tuple[dict[str, Symbol], Belief]:
     """Outputs by name, and what is to be kept.
 
-    The command is for the middle of the step in which it acts, some steps and a delay later.
+    The command is for the middle of the step in which it acts, some steps and a delay later; the thrusters are in the
+    axes of the camera there.
     """
     time, length = ca.vertsplit(step)
     elements = Elements.named(parameters)
@@ -109,20 +117,25 @@ def _outputs(
     # Body and chaser then: the chaser is and moves in the body's axes as now. Nothing changes if the goal is at rest.
     ahead = late + 0.5 * length
     by = goal.turning * ahead + goal.turning_rate * ahead**2 / 2
-    place, glide = _turned(position_L, by), _turned(velocity_L - ca.cross(goal.turning, position_L), by)
+    place, glide = turned(position_L, by), turned(velocity_L - ca.cross(goal.turning, position_L), by)
     then = aimed(_goal(body.later(by, ahead), orbit, belief, parameters), place)
     moving = glide + ca.cross(then.turning, place)
     natural = relative_acceleration(place, moving, ca.SX.zeros(3), orbit)
     wanted = commanded(Motion(place, moving, natural), then, limits, parameters["control.rate"])
     coasts = ca.logic_and(mode == RECKONING, drift_is_clear(belief, parameters))
-    size, limit = ca.norm_2(wanted), parameters["thrust.limit"]
-    flies = ca.logic_not(ca.logic_or(mode == WAITING, coasts))
-    command = flies * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
     view = _view(_looked_at(belief, mode, inputs, R_I_L), R_I_L, kept.across, parameters)
+    # The view acts as late by steps as the command: it turns on for the delay and half a step, L for all of the time.
+    turning = sight_rate(position_L, velocity_L, _spin(orbit)) * (parameters["command.delay"] + 0.5 * length)
+    misalignment = turned(turned(R_I_L.T @ view @ belief.misalignment, turning), -_spin(orbit) * ahead)
+    told = command_for(wanted, belief.scale, misalignment)
+    size, limit = ca.norm_2(told), parameters["thrust.limit"]
+    flies = ca.logic_not(ca.logic_or(mode == WAITING, coasts))
+    share = flies * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
+    push = share * wanted
     delayed = ca.fmin(1, late / length)
-    acting = delayed * kept.command + (1 - delayed) * command
+    acting = delayed * kept.push + (1 - delayed) * push
     outputs = {
-        "command.acceleration": command,
+        "command.acceleration": share * told,
         "command.limited": flies * (size > limit),
         "goal.offset": position_L - goal.position,
         "goal.velocityError": velocity_L - glide_velocity(position_L, goal, limits),
@@ -133,7 +146,7 @@ def _outputs(
         "navigation.outage": outage,
         "camera.attitude": quaternion_from_rotation(view),
     }
-    belief = replace(belief, known=mode != WAITING, outage=outage, command=command, across=view[:, 0])
+    belief = replace(belief, known=mode != WAITING, outage=outage, push=push, across=view[:, 0])
     return outputs, carried_on(belief, acting, (time, length), elements)
 
 
@@ -196,7 +209,7 @@ class _Body:
 
     def later(self, by: Symbol, seconds: Symbol) -> Self:
         """The body some seconds later, turned by a rotation vector in L till then; its rate by the midpoint rule."""
-        R_L_B = ca.horzcat(*(_turned(column, by) for column in ca.horzsplit(self.R_L_B)))
+        R_L_B = ca.horzcat(*(turned(column, by) for column in ca.horzsplit(self.R_L_B)))
         halfway = self.rate + self.tumble(self.rate) * seconds / 2
         return replace(self, R_L_B=R_L_B, rate=self.rate + self.tumble(halfway) * seconds)
 
@@ -241,13 +254,6 @@ def _either(condition: Symbol, one: Goal, other: Goal) -> Goal:
     return Goal(*(ca.if_else(condition, getattr(one, name), getattr(other, name)) for name in names))
 
 
-def _turned(vector: Symbol, by: Symbol) -> Symbol:
-    """A vector turned by a rotation vector (Rodrigues)."""
-    angle = ca.sqrt(ca.dot(by, by) + SMALLEST_TURN**2)
-    across = ca.cross(by, vector)
-    return vector + ca.sin(angle) / angle * across + 2 * (ca.sin(angle / 2) / angle) ** 2 * ca.cross(by, across)
-
-
 def approach_table() -> tuple[Variable, ...]:
     """The variables of ApproachController."""
     IN, PAR, OUT = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT
@@ -272,6 +278,10 @@ def approach_table() -> tuple[Variable, ...]:
             boolean=True, discrete=True,
         ),
         Variable("sight.position", IN, "m", "Where the target was seen last, frame C; 0: never", (3,)),
+        Variable(
+            "thrust.error", IN, "1", "What thrusters are wrong by, a scale and rad about each camera axis; 0: nothing",
+            (4,), axes=THRUSTERS,
+        ),
         Variable("grapple.point", IN, "m", "Grapple point from the CoM, body axes; 0 if unknown", (3,)),
         Variable("grapple.direction", IN, "1", "Direction outwards there, body axes; 0: away from the CoM", (3,)),
         *(orbit[name] for name in PARAMETERS),

@@ -29,7 +29,7 @@ LINKS = {  # unit → its input: the unit and the output that it comes from
         **{f"target.{name}": ("estimator", f"target.{name}") for name in ("position", "velocity", "attitude")},
         **{f"target.{name}": ("estimator", f"target.{name}") for name in ("angularRate", "inertia")},
         **{f"target.{name}": ("estimator", f"target.{name}") for name in ("positionCovariance", "velocityCovariance")},
-        **{name: ("estimator", name) for name in ("navigation.valid", "sight.position")},
+        **{name: ("estimator", name) for name in ("navigation.valid", "sight.position", "thrust.error")},
     },
 }
 PARAMETERS: dict[str, dict[str, ArrayLike]] = {

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.units import blueprint_of
 from baryscope.models.approach.reckoning import MODES
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.scenario import load_scenario
 from importer import Stepped
 
@@ -141,6 +142,70 @@ def test_the_limit_is_enough_to_go_around_with_the_body(envisat):
     assert LIMIT < rate**2 * reach < limits["upper-stage"] < 2 * rate**2 * reach
 
 
+WRONG = np.array([0.05, 0.02, -0.01, 0.03])  # of thrusters: a scale, and a rotation vector in the camera's axes
+
+
+@pytest.mark.parametrize("steps, delay", [(1.0, 0.0), (0.0, 0.0), (2.0, 0.3)])
+def test_thrusters_that_are_wrong_are_told_another_command(controller_fmu, opened, small, steps, delay):
+    """By scipy's rotations they push as right ones, where the camera is as the command acts.
+
+    The camera is told as late by steps as the command, and turns on by its delay and half a step, about the axis of the
+    line of sight, which goes round a great circle; LVLH turns on from the inputs to then.
+    """
+    found, place, rate = {}, np.array([12.0, 3.0, 4.0]), np.array([0.02, -0.05, 0.03])
+    rate -= rate @ place / (place @ place) * place
+    for error in (np.zeros(4), WRONG):
+        controller = opened(
+            Controller, controller_fmu, synchronised=True, command__steps=steps, command__delay=delay, thrust__limit=1.0
+        )
+        controller["target.position"], controller["target.velocity"] = place, np.cross(rate, place)
+        controller["thrust.error"] = error
+        controller.step()
+        found[error.any()] = controller["command.acceleration"]
+    told = Rotation.from_quat(controller["camera.attitude"], scalar_first=True)
+    R_I_V = Rotation.from_rotvec(rate * (delay + STEP / 2)) * told
+    acts = np.array([steps * STEP + delay + STEP / 2])
+    R_L_V = Rotation.from_matrix(lvlh_attitude(small.orbit, acts)[0]).inv() * R_I_V
+    pushed = (1 + WRONG[0]) * (R_L_V * Rotation.from_rotvec(WRONG[1:]) * R_L_V.inv()).apply(found[True])
+    # L's rate changes by e n², 1e-9 rad/s² on this orbit, in a second or two; and what is wrong of m is at most WRONG.
+    np.testing.assert_allclose(pushed, found[False], rtol=0, atol=1e-9 * np.linalg.norm(pushed))
+    assert np.linalg.norm(found[True] - found[False]) > 0.05 * np.linalg.norm(pushed)
+
+
+def test_the_limit_is_of_what_thrusters_are_told(controller_fmu, opened):
+    """Weak ones are told more than they push by, and no more than the limit."""
+    controller = opened(Controller, controller_fmu, hold__position=[0.0, -10.0, 0.0], thrust__limit=1.0)
+    controller["target.position"], controller["target.velocity"] = [20.0, 3.0, 4.0], [0.2, 0.0, 0.0]
+    controller.step()
+    size = np.linalg.norm(controller["command.acceleration"])
+    controller.set("thrust.limit", 1.1 * size)
+    for scale, expected in [(-0.05, size / 0.95), (-0.2, 1.1 * size), (-1.0, 1.1 * size), (-2.0, 1.1 * size)]:
+        controller["thrust.error"] = [scale, 0.0, 0.0, 0.0]
+        controller.step()
+        # LVLH goes on by up to 1.1 mrad/s, and time by a few steps: by as much the command is another one.
+        assert np.linalg.norm(controller["command.acceleration"]) == pytest.approx(expected, rel=5e-3)
+        assert controller["command.limited"] == (scale < -0.1)
+
+
+def test_dead_reckoning_goes_by_what_thrusters_push(controller_fmu, opened):
+    """Whatever they are told for that: as if they were right, and were told what they push by."""
+    near = {"keepOut__radius": 11.0, "thrust__limit": 1.0}  # so that it does not coast
+    one, other = (opened(Controller, controller_fmu, **near) for _ in range(2))
+    one["thrust.error"] = WRONG
+    for controller in (one, other):
+        controller["target.position"], controller["target.velocity"] = [11.0, 3.0, 4.0], [-0.1, 0.0, 0.0]
+        controller.step()
+        controller["navigation.valid"] = False
+    one["thrust.error"] = np.ones(4)  # of an estimator that is not valid: what it told before holds
+    for _ in range(8):
+        one.step(), other.step()
+        assert other["guidance.mode"] == RECKONING
+        np.testing.assert_allclose(one["goal.offset"], other["goal.offset"], rtol=0, atol=1e-12)
+        told, right = (np.linalg.norm(controller["command.acceleration"]) for controller in (one, other))
+        assert told == pytest.approx(right / (1 + WRONG[0]), rel=1e-9)
+        assert right > 0
+
+
 @pytest.mark.parametrize("told", [True, False], ids=["along the normal", "away from the CoM"])
 def test_an_approach_to_a_grapple_point(fly, told):
     """Envisat at 3.5 °/s: around on the sphere, in through the corridor, and at rest in the body's axes."""
@@ -221,6 +286,7 @@ def test_what_it_goes_on_with_is_in_saved_states_and_gone_after_a_reset(controll
     """Restored in another instance, dead reckoning goes on to the last bit."""
     one, other = (opened(Controller, controller_fmu, navigation__patience=3.0) for _ in range(2))
     one["target.position"], one["target.velocity"] = [12.0, 3.0, 4.0], [0.1, -0.2, 0.05]
+    one["thrust.error"] = WRONG
     one.step()
     one["navigation.valid"] = other["navigation.valid"] = False
     one.step()

@@ -106,6 +106,7 @@ def watch(carry):
         "navigation.valid": 1, "target.position": 3, "target.velocity": 3, "target.positionCovariance": 6,
         "target.velocityCovariance": 6, "target.attitude": 4, "target.angularRate": 3, "target.inertia": 6,
         "grapple.point": 3, "grapple.direction": 3, "sight.position": 3,
+        "thrust.error": 4,
     }  # fmt: skip
     told = {name: ca.SX.sym(name, size) for name, size in names.items()}
     given = {
