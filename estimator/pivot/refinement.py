@@ -230,9 +230,8 @@ class _Refinement:
 
     def _bring_back_bodies(self) -> bool:
         """Whether a body is lost, which is then at the path again."""
-        start = self.start
-        weight, began = self.observations.weight, (start.bodies, start.registered, start.observations)
-        near = brought_back_bodies(self.bodies, weight, *began, self._origin())
+        began = self.start.bodies, self.start.registered, self.start.observations
+        near = brought_back_bodies(self.bodies, self.observations.weight, *began, self._origin())
         if near is not None:
             near = regained(near, self.bodies, self.observations, self.sampled, self.x, self.floor)
         self.brought_back = near is not None
@@ -242,9 +241,8 @@ class _Refinement:
     def _add_few_features(self) -> bool:
         """Whether frames that show two features join a body."""
         self.extended = True
-        variance = self.lasting * self.least
-        weight, measured = self.observations.weight, self.start.measured
-        return self._take(with_few_features(self.solution, weight, measured, self.sampled, variance, self._spurious))
+        told = self.sampled, self.lasting * self.least, self._spurious
+        return self._take(with_few_features(self.solution, self.observations.weight, self.start.measured, *told))
 
     def _take(self, found: tuple[tuple[Body, ...], FloatArray] | None) -> bool:
         """Whether there are other bodies and weights (n, m), which then take the place of those before."""
@@ -278,13 +276,13 @@ class _Refinement:
 
         Those that are not are taken anew.
         """
+        at = (self.bodies, self.observations, self._origin())
         if self.start.slips:
-            at = (self.bodies, self.observations, self._origin())
             slip = position_variance(*at, self.least, self.lasting, STILL if self.slip > 0 else SIGNIFICANT)
             before, self.slip = self.slip, slip
             if abs(slip - before) > SLIP_TOLERANCE * max(slip, before):
                 return False
-        lasting = frames_per_error(self.bodies, self.observations, self._origin())
+        lasting = frames_per_error(*at)
         before, self.lasting = self.lasting, lasting
         if abs(lasting - before) > LASTING_TOLERANCE * max(lasting, before):
             self.here = None
