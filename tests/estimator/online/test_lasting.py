@@ -20,12 +20,17 @@ def lasting_tracks(rng, time, path, keep):
     return still + lfilter([1.0], [1.0, -keep], shocks, axis=0)[1000:]
 
 
-@pytest.mark.parametrize("rate, memory", [(1.0, 2.0), (1.0, 10.0), (10.0, 5.0)], ids=["2 s", "10 s", "5 s at 10 Hz"])
-def test_they_are_found_and_counted(rate, memory):
+@pytest.mark.parametrize(
+    ("rate", "memory", "draws"),
+    [(1.0, 2.0, DRAWS), (1.0, 10.0, DRAWS), (10.0, 5.0, 2)],
+    ids=["2 s", "10 s", "5 s at 10 Hz"],
+)
+def test_they_are_found_and_counted(rate, memory, draws):
+    """2 draws at 10 Hz have 10 times the frames of one at 1 Hz each."""
     time = np.arange(FRAMES * rate) / rate
     path, keep = straight(time), np.exp(-1 / (rate * memory))
     nees, found = [], []
-    for draw in range(DRAWS):
+    for draw in range(draws):
         rng = np.random.default_rng([21, draw])
         states = run(OnlineEstimator(SIGMA), time, lasting_tracks(rng, time, path, keep))
         assert states[-1].status is OnlineStatus.TRACKING
@@ -34,7 +39,7 @@ def test_they_are_found_and_counted(rate, memory):
     true = (1 + keep) / (1 - keep)
     # Blocks as long as the recording allows show a part of it, and what is left is extrapolated.
     assert true / 2 < np.exp(np.mean(np.log(found))) < 2 * true
-    assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 3 * DRAWS)).all()
+    assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 3 * draws)).all()
 
 
 @pytest.mark.parametrize(("rate", "draws"), [(0.5, DRAWS), (1.0, DRAWS), (20.0, 2)])

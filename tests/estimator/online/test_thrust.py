@@ -106,19 +106,20 @@ def test_what_thrusters_are_wrong_by_is_found_and_claims_are_true():
 def test_thrusters_that_are_better_than_told_are_found_so_and_claims_stay_true():
     """Exact ones were claimed no better known than others. Those 0.1 % and 1 mrad off pass for exact at first.
 
-    NEES of the CoM as above, and of the thrusters, is that of true claims. Exact ones are known better by a quarter
-    than those wrong by 0.1 %, of the same covariance else: half of the deviation is what the told grade
+    NEES of the CoM as above, and of the thrusters, is that of true claims: over 20 draws, since those above judge the
+    same filter, claims too small by 29 % in each direction are beyond the limit of the CoM. Exact ones are known better
+    by a quarter than those wrong by 0.1 %, of the same covariance else: half of the deviation is what the told grade
     leaves, which is one in four at least.
     """
-    medians = []
+    medians, draws = [], 20
     for size in (0.0, 1e-3):
-        wrong = [size * np.random.default_rng([seed, 5]).standard_normal(4) for seed in range(DRAWS)]
-        errors, covariances, states, _ = zip(*(flown(seed, wrong=wrong[seed]) for seed in range(DRAWS)), strict=True)
+        wrong = [size * np.random.default_rng([seed, 5]).standard_normal(4) for seed in range(draws)]
+        errors, covariances, states, _ = zip(*(flown(seed, wrong=wrong[seed]) for seed in range(draws)), strict=True)
         nees = squares(np.array(errors), np.array(covariances)).mean(axis=0)
-        assert (nees[[20, 50, 100, -1]] < chi2.ppf(0.999, 3 * DRAWS) / DRAWS).all()
+        assert (nees[[20, 50, 100, -1]] < chi2.ppf(0.999, 3 * draws) / draws).all()
         known = np.array([state.thrust_covariance for state in states])
         found = squares(np.array([state.thrust for state in states]) - wrong, known)
-        assert found.mean() < chi2.ppf(0.999, 4 * DRAWS) / DRAWS
+        assert found.mean() < chi2.ppf(0.999, 4 * draws) / draws
         medians.append(np.median(np.sqrt(np.diagonal(known, axis1=1, axis2=2)), axis=0))
     assert (medians[0] < 0.75 * medians[1]).all()
 
@@ -151,9 +152,10 @@ def test_what_a_burn_did_follows_what_a_later_one_tells_of_the_thrusters(density
     """What the first one did was linear about exact thrusters: NEES of the CoM was 12, of the thrusters 52.
 
     Under process noise the path has forgotten that burn: if it followed, thrusters would be claimed far too well known.
-    Squares over the draws are below the 99.9 % quantiles of χ².
+    Squares over the draws are below the 99.9 % quantiles of χ²: CoMs that are claimed too small by 41 % in each
+    direction exceed them.
     """
-    nees, of_thrust = np.transpose([burned(seed, density) for seed in range(20)])
+    nees, of_thrust = np.transpose([burned(seed, density) for seed in range(10)])
     assert nees.mean() < chi2.ppf(0.999, 3 * len(nees)) / len(nees)
     assert of_thrust.mean() < chi2.ppf(0.999, 4 * len(nees)) / len(nees)
 
@@ -217,9 +219,9 @@ def test_what_a_rig_and_thrust_say_of_sizes_is_not_counted_twice():
 
     The large filter took the thrusters' error for noise that is new in each node, learnt the size of the map from
     sight by that, and told the bank, which knew as much from the same nodes. Squares over the draws are below the
-    99.9 % quantiles of χ².
+    99.9 % quantiles of χ², which claims too small by 37 % in each direction exceed, of the scale by 66 %.
     """
-    scale, nees = np.transpose([flown_with_a_rig(seed) for seed in range(12, 36)])
+    scale, nees = np.transpose([flown_with_a_rig(seed) for seed in range(12, 24)])
     assert scale.mean() < chi2.ppf(0.999, len(scale)) / len(scale)
     assert nees.mean() < chi2.ppf(0.999, 3 * len(nees)) / len(nees)
 
