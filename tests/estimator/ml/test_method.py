@@ -215,13 +215,11 @@ def test_attitudes_of_no_tumble_give_the_estimate_of_pivot():
 def test_a_path_that_free_attitudes_hardly_tell_has_the_modes_of_noise_that_a_tumble_tells():
     """Three features, all of them in a quarter of the frames: `pivot` knows the path to a metre, and needs few modes.
 
-    With these the NEES of the first draw was 73: `python -m baryscope.study.population case --population third --seed 3
+    With these the NEES of this draw was 73: `python -m baryscope.study.population case --population third --seed 3
     --index 17 --method ml --orbit`.
     """
     case = drawn(3, 17)
-    options = PathOptions(sigma=1.0)
-    for draw in range(3):
-        found = estimate(sampled(case, draw).tracks, method="ml", orbit=case.orbit, options=options)
-        for k in (0, len(case.time) // 2, -1):
-            error = found.position[k] - case.path[k]
-            assert error @ np.linalg.solve(found.covariance[k], error) < chi2.ppf(0.999, 3)
+    found = estimate(sampled(case, 0).tracks, method="ml", orbit=case.orbit, options=PathOptions(sigma=1.0))
+    for k in (0, len(case.time) // 2, -1):
+        error = found.position[k] - case.path[k]
+        assert error @ np.linalg.solve(found.covariance[k], error) < chi2.ppf(0.999, 3)
