@@ -27,7 +27,8 @@ def sight_rate(position: Symbol, velocity: Symbol, spin: Symbol) -> Symbol:
     """Inertial angular rate of a camera that looks at the CoM and does not roll: ρ × (ρ̇ + Ω × ρ) / |ρ|², rad/s in L.
 
     Args:
-        position, velocity: ρ and ρ̇ of the chaser in L, m and m/s.
+        position: ρ of the chaser in L, m.
+        velocity: ρ̇ in L, m/s.
         spin: Ω of L, rad/s.
     """
     return ca.cross(position, velocity + ca.cross(spin, position)) / ca.fmax(ca.sumsqr(position), DIRECTED)
