@@ -67,34 +67,50 @@ def depth_ratio(position: FloatArray, seen: BoolArray) -> DepthRatio | None:
     seen (n, m). The rig is at the origin of C.
     """
     rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
-    distances = distances_between(position[rows], seen[rows])
-    few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
-    off = distances.off[:, few]
-    both = np.isfinite(off)
-    noise = np.sqrt(np.sum(np.where(both, off, 0.0) ** 2, axis=0) / np.maximum(both.sum(axis=0), 1))
-    kept = (noise > ROUNDING * distances.typical[few]) & (noise < BODY * distances.typical[few])
-    blocks = min(BLOCKS, len(rows) // 2)
-    if not kept.any() or blocks < LEAST_BLOCKS:
+    pairs, blocks = _Pairs.of(position[rows], seen[rows]), min(BLOCKS, len(rows) // 2)
+    if not pairs.off.size or blocks < LEAST_BLOCKS:
         return None
-    i, j = distances.pairs[few][kept].T
-    off, both = off[:, kept], both[:, kept]
-    shown = np.where(seen[rows][..., None], position[rows], 0.0)
-    apart, middle = shown[:, i] - shown[:, j], (shown[:, i] + shown[:, j]) / 2
-    distance = np.linalg.norm(middle, axis=2)
-    size = np.maximum(np.linalg.norm(apart, axis=2) * distance, 1e-300)
-    cosine = np.einsum("nki,nki->nk", apart, middle) / size
-    mean = float(distance[both].mean())
-    growth = np.where(both, distance / mean, 1.0) ** 2
-    off = np.where(both, off, 0.0)
-    laws = [((1 - cosine**2) * one, (cosine * one) ** 2) for one in (np.ones_like(growth), growth)]
-    fits = [_Fit.of(off, both, *law) for law in laws]
-    best = 1 if fits[1].likelihood > fits[0].likelihood else 0
-    log_ratio = fits[best].log_ratio
-    if not 2 * np.log(RATIO) <= abs(log_ratio) < GREATEST:
+    fits = [_Fit.of(pairs, of_rig=of_rig) for of_rig in (False, True)]
+    best = max(fits, key=lambda fit: fit.likelihood)
+    if not 2 * np.log(RATIO) <= abs(best.log_ratio) < GREATEST:
         return None
-    equal = _Fit.of(off, both, *laws[best], free=False)
-    gained = 2 * (fits[best].likelihood - equal.likelihood) / max(1.0, equal.dependence(blocks))
-    return None if gained < CHANCE**2 else DepthRatio(float(np.exp(log_ratio / 2)), best == 1, mean)
+    of_rig = best is fits[1]
+    equal = _Fit.of(pairs, of_rig=of_rig, free=False)
+    gained = 2 * (best.likelihood - equal.likelihood) / max(1.0, equal.dependence(blocks))
+    return None if gained < CHANCE**2 else DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, pairs.distance)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Pairs of features: by how much their distances are off the typical ones, (n, k), m, where both are seen, (n, k).
+
+    along (n, k): squared cosines with the line of sight; range_squared (n, k), over that of the mean `distance`, m.
+    """
+
+    off: FloatArray
+    both: BoolArray
+    along: FloatArray
+    range_squared: FloatArray
+    distance: float
+
+    @classmethod
+    def of(cls, position: FloatArray, seen: BoolArray) -> "_Pairs":
+        """Those of positions (n, m, 3) in C, m, whose distances are noisy, but not as much as the body is large."""
+        distances = distances_between(position, seen)
+        few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
+        off, typical = distances.off[:, few], distances.typical[few]
+        both = np.isfinite(off)
+        off = np.where(both, off, 0.0)
+        noise = np.sqrt(np.sum(off**2, axis=0) / np.maximum(both.sum(axis=0), 1))
+        kept = (noise > ROUNDING * typical) & (noise < BODY * typical)
+        off, both, (i, j) = off[:, kept], both[:, kept], distances.pairs[few][kept].T
+        shown = np.where(seen[..., None], position, 0.0)
+        apart, middle = shown[:, i] - shown[:, j], (shown[:, i] + shown[:, j]) / 2
+        away = np.linalg.norm(middle, axis=2)
+        size = np.maximum(np.linalg.norm(apart, axis=2) * away, 1e-300)
+        along = (np.einsum("nki,nki->nk", apart, middle) / size) ** 2
+        mean = float(away[both].mean()) if both.any() else 1.0
+        return cls(off, both, along, np.where(both, away / mean, 1.0) ** 2, mean)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +127,10 @@ class _Fit:
     information: float
 
     @classmethod
-    def of(
-        cls, off: FloatArray, both: BoolArray, across: FloatArray, along: FloatArray, *, free: bool = True
-    ) -> "_Fit":
-        """That of distances off by (n, k) m where both (n, k), with variances k_p (across + ρ² along).
-
-        free: whether ρ is sought, else it is 1.
-        """
+    def of(cls, pairs: _Pairs, *, of_rig: bool, free: bool = True) -> "_Fit":
+        """That of pairs with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
+        off, both, growth = pairs.off, pairs.both, pairs.range_squared if of_rig else 1.0
+        across, along = (1 - pairs.along) * growth, pairs.along * growth**2
         count, log_ratio = both.sum(axis=0), 0.0
         scale, mean = (off**2).sum(axis=0) / count, np.zeros(off.shape[1])
         for _ in range(ROUNDS):
