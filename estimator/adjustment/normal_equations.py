@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import inverted_sums, symmetric_inverses
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
 
 FloatArray = NDArray[np.float64]
 CHUNK_SIZE = 200_000  # numbers in the largest array of a chunk, so that it fits the processor's cache
@@ -81,14 +81,10 @@ class NormalBlocks:
         """The blocks (n, 6, 3 m) that couple each frame's (φ, τ) with the points."""
         return np.concatenate([self.turn_points(), self.shift_points()], axis=1)
 
-    def best_pose(self, prior: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """The changes φ (n, 3) and τ (n, 3) of each frame's pose that fit best for the same points.
-
-        prior (n, 3, 3): the covariance of τ, over the variance of an observation of weight 1; without a bound if None.
-        """
+    def best_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The changes φ (n, 3) and τ (n, 3) of each frame's pose that fit best for the same points."""
         information, rhs = self.shift_alone()
-        inverse = symmetric_inverses(information) if prior is None else inverted_sums(prior, information)
-        shift = (inverse @ rhs[:, :, None])[:, :, 0]
+        shift = (symmetric_inverses(information) @ rhs[:, :, None])[:, :, 0]
         left = self.turn_rhs - np.einsum("kij,kj->ki", self.turn_shift, shift)
         return np.einsum("kij,kj->ki", symmetric_inverses(self.turn), left), shift
 
@@ -127,23 +123,14 @@ def normal_blocks(
 
 
 def at_best_attitudes(
-    observations: Observations,
-    attitude: FloatArray,
-    origin: FloatArray,
-    points: FloatArray,
-    shift: FloatArray | None = None,
+    observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, NormalBlocks]:
     """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed, and the blocks there.
 
-    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1; the
-    origin is free as far as that allows. Other arguments as in `normal_blocks`.
+    Arguments as in `normal_blocks`.
     """
     seen = _seen(observations, origin, points)
-    if shift is None:
-        turn = seen.best_turns(attitude)
-    else:
-        turn, _ = seen.normal_blocks(attitude).best_pose(np.swapaxes(attitude, 1, 2) @ shift @ attitude)
-    best = attitude @ exp_rotation(turn)
+    best = attitude @ exp_rotation(seen.best_turns(attitude))
     return best, seen.normal_blocks(best)
 
 
