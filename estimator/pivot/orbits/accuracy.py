@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
-from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.forces import Force, ForcedPath, constant_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -29,9 +28,8 @@ from baryscope.estimator.orbits.error import (
     untold_push,
 )
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
-from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.orbits.corrected import refined_on
-from baryscope.estimator.pivot.reduced import scaled
+from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
 from baryscope.estimator.pivot.refinement import InitialSolution
 from baryscope.models.orbit import Orbit
 
@@ -82,20 +80,14 @@ def _doubtful(found: Pivot, path: ProcessNoisePath, force: Force, shares: Sequen
 
     To first order, with the solution's weights; some frames are looked at, with the weights of all.
     """
-    few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
-    observations, count = few.standing_for_all()
-    time = found.time[few.rows]
-    columns = ForcedPath(path.base, force, path.begin, path.end).response(time).position(time)
-    scale = np.sqrt(np.mean(np.sum(columns**2, axis=1), axis=0))
-    sampled = found.sampled.frames_at(few.rows).extended(columns / scale)
-    at = np.concatenate([found.solution.x, np.zeros(len(scale))])
-    of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
-    linear = scaled(linearised(few.bodies, observations, sampled, at, of_frames, found.offsets), found.variance)
+    forced = ForcedPath(path.base, force, path.begin, path.end)
+    further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
+    variances = np.exp(forced.prior.offset[path.base.size :])
 
     def judged(share: float) -> tuple[float, FloatArray]:
-        prior = path.prior.joined(Prior.known((share * force.deviations * scale) ** 2))
-        covariance = conditional(linear, prior, found.posterior.theta)[1]
-        return cost(linear, prior, maximise(linear, prior)), sampled.covariance(covariance)
+        prior = path.prior.joined(Prior.known(share**2 * variances))
+        covariance = conditional(further.linear, prior, found.posterior.theta)[1]
+        return cost(further.linear, prior, maximise(further.linear, prior)), further.path.covariance(covariance)
 
     exact, own = judged(NEGLIGIBLE)
     for share in shares:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
-from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.extended import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
@@ -21,8 +20,8 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate_in
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
-from baryscope.estimator.pivot.free_attitudes import linearised
-from baryscope.estimator.pivot.reduced import fixed_at, scaled
+from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
+from baryscope.estimator.pivot.reduced import fixed_at
 from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
@@ -123,21 +122,16 @@ class _ScoreTest:
         told = float((found.observations.weight * found.observations.squares(shift[:, None])).sum()) / found.variance
         if told < NOTICEABLE:  # more than this they do not know of the difference
             return cls(0.0, 0.0)
-        few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
-        observations, count = few.standing_for_all()
-        alone = found.sampled.frames_at(few.rows)
-        between = alone.extended(shift[few.rows, :, None])
-        of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
-        at = np.append(found.solution.x, 0.0)
-        problem = linearised(few.bodies, observations, between, at, of_frames, found.offsets)
-        linear, prior, last = scaled(problem, found.variance), found.path.prior, np.array([len(at) - 1])
+        further = FurtherUnknowns.of(found, lambda rows: shift[rows, :, None])
+        linear, prior, last = further.linear, found.path.prior, np.array([len(further.at) - 1])
         (none, less), (whole, more) = (fixed_at(linear, last, np.array([share])) for share in (0.0, 1.0))
         theta = maximise(none, prior)
         gain = cost(none, prior, theta) + less - cost(whole, prior, maximise(whole, prior)) - more
         covariance = conditional(none, prior, theta)[1]
         change = np.append(-covariance @ linear.information[:-1, -1], 1.0)
-        moved = between.position(at + change) - between.position(at)
-        squares = np.sum(moved * np.linalg.solve(alone.covariance(covariance), moved[:, :, None])[:, :, 0], axis=1)
+        moved = further.path.position(further.at + change) - further.path.position(further.at)
+        own = further.alone.covariance(covariance)
+        squares = np.sum(moved * np.linalg.solve(own, moved[:, :, None])[:, :, 0], axis=1)
         return cls(gain, float(squares.max()))
 
 

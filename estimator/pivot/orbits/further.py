@@ -1,0 +1,42 @@
+"""Further unknowns of the path beside those of a solution, to first order: what tests of forces and orbits look at."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
+from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.reduced import scaled
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherUnknowns:
+    """The problem of a solution with further unknowns, with its weights.
+
+    alone: the path without them, at some frames, each with the weight of those it stands for; path: that with them;
+    at (p + c,): the solution's unknowns, and zeros.
+    """
+
+    alone: SampledPath
+    path: SampledPath
+    linear: GaussianLikelihood
+    at: FloatArray
+
+    @classmethod
+    def of(cls, found: Pivot, columns: Callable[[IntArray], FloatArray]) -> "FurtherUnknowns":
+        """That of a solution; columns: indices (n,) of frames → what the path moves by there, (n, 3, c), m a unit."""
+        few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
+        observations, count = few.standing_for_all()
+        alone, added = found.sampled.frames_at(few.rows), columns(few.rows)
+        path, at = alone.extended(added), np.concatenate([found.solution.x, np.zeros(added.shape[2])])
+        shift = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
+        problem = linearised(few.bodies, observations, path, at, shift, found.offsets)
+        return cls(alone, path, scaled(problem, found.variance), at)
