@@ -10,6 +10,7 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding, LackOfFit
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
@@ -22,6 +23,7 @@ FloatArray = NDArray[np.float64]
 
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 EXCESSIVE = 1e-5  # probability of that ratio by chance, below which it is named
+RADII = 3.0  # of the features, deviation of a position that slips, above which it is no pivot's
 MIN_NEW_SHARE = 0.01  # share of a cubic that the path model cannot represent, from which it is tested
 SIGNIFICANCE = 1e-7  # probability of a lack of fit by chance
 TEST_FRAMES = 1500  # frames used in the test, at most
@@ -37,6 +39,7 @@ def misfits(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tupl
     measured = found.observations
     if found.residual_variance > least_variance(measured, ROUNDING):
         excess = excess_residuals(found, registered) if measured.precision is None else None
+        excess = excess or _excessive_slip(found)
         if excess is not None:
             findings.append(excess)
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
@@ -59,6 +62,17 @@ def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | 
     if ratio <= MAX_VARIANCE_RATIO or chance >= EXCESSIVE:
         return None
     return ExcessResiduals(found.path.name, float(np.sqrt(ratio)))
+
+
+def _excessive_slip(found: Pivot) -> ExcessResiduals | None:
+    """A finding if the position slips so far that it is no pivot: further than features are from one another."""
+    body = max(found.bodies, key=lambda one: len(one.frames))
+    if found.slip <= RADII * rms_radius(body.points):
+        return None
+    seen, precision = found.observations.weight > 0, found.observations.precision
+    size = 1.0 if precision is None else 3 / float(np.trace(precision[seen], axis1=1, axis2=2).mean())
+    noise = np.sqrt(found.residual_variance * size)
+    return ExcessResiduals(found.path.name, float(np.hypot(found.slip, noise) / noise))
 
 
 def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
