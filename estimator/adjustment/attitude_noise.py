@@ -52,10 +52,13 @@ class _AttitudeSeries:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, body: Body, observations: Observations, time: FloatArray, variance: float) -> "_AttitudeSeries":
+    def of(
+        cls, body: Body, observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None
+    ) -> "_AttitudeSeries":
         """That of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
-        information = attitude_information(own, body.attitude, body.points)
+        own_shift = None if shift is None else shift[body.frames]
+        information = attitude_information(own, body.attitude, body.points, own_shift)
         passed = (time[body.frames] - time[0]) / sampling_interval(time)
         return cls(passed, body.attitude, attitude_covariances(information, variance))
 
@@ -69,15 +72,22 @@ class _AttitudeSeries:
         return _AttitudeSeries(self.time, self.attitude @ into.T, covariance)
 
 
-def strays(bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float) -> list[BoolArray]:
+def strays(
+    bodies: Sequence[Body],
+    observations: Observations,
+    time: FloatArray,
+    variance: float,
+    shift: FloatArray | None = None,
+) -> list[BoolArray]:
     """Which attitudes of each body are far from a rotation fitted to those near, (n,).
 
     Bodies that share enough features have their attitudes compared with each other's: of few frames, as those in which
     some features are others, there are no neighbours.
-    observations (n, m), with robust weights, at times (n,) in s; variance: of an observation of weight 1.
+    observations (n, m), with robust weights, at times (n,) in s; variance: of an observation of weight 1; shift
+    (n, 3, 3): the covariance of the frames' shifts in C, over that variance.
     """
     found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
-    for group, turning in _together(bodies, observations, time, variance):
+    for group, turning in _together(bodies, observations, time, variance, shift):
         order = np.argsort(turning.time, kind="stable")
         flipped = _flipped(turning.time[order], turning.attitude[order])
         stray = np.zeros(len(order), dtype=bool)
@@ -96,20 +106,20 @@ def strays(bodies: Sequence[Body], observations: Observations, time: FloatArray,
 
 
 def _together(
-    bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float
+    bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None
 ) -> Iterator[tuple[list[int], _AttitudeSeries]]:
     """Groups of bodies by their indices, and the attitudes of the axes of the first, one body's after the other's."""
     left = sorted(range(len(bodies)), key=lambda index: -len(bodies[index].frames))
     while left:
         first, rest = left[0], []
-        group, parts = [first], [_AttitudeSeries.of(bodies[first], observations, time, variance)]
+        group, parts = [first], [_AttitudeSeries.of(bodies[first], observations, time, variance, shift)]
         for index in left[1:]:
             into = _into_axes(bodies[first], bodies[index], observations)
             if into is None:
                 rest.append(index)
             else:
                 group.append(index)
-                parts.append(_AttitudeSeries.of(bodies[index], observations, time, variance).turned(*into))
+                parts.append(_AttitudeSeries.of(bodies[index], observations, time, variance, shift).turned(*into))
         columns = zip(*((part.time, part.attitude, part.covariance) for part in parts), strict=True)
         yield group, _AttitudeSeries(*map(np.concatenate, columns))
         left = rest
@@ -132,12 +142,14 @@ def _into_axes(first: Body, second: Body, observations: Observations) -> tuple[F
     return (fit.rotation[0], variance) if variance < ALIKE**2 else None
 
 
-def excess_noise(body: Body, observations: Observations, time: FloatArray, variance: float) -> float:
+def excess_noise(
+    body: Body, observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None = None
+) -> float:
     """The mean square of the attitudes' errors over that expected, at least 1; the others as in `strays`.
 
     It is 1 where the rotation from frame to frame is too fast to be fitted.
     """
-    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance))
+    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance, shift))
     if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
         return 1.0
     return max(float(squared[tested].mean()) / 3, 1.0)

@@ -146,7 +146,8 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
-        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
+        shift = None if frames.shift is None else frames.shift[index]
+        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shift)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()
         total.points += block_diag(*found.point)
@@ -158,8 +159,8 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
         rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
         squares = found.squares
-        if frames.shift is not None:
-            noise = np.swapaxes(R_C_B, 1, 2) @ frames.shift[index] @ R_C_B
+        if shift is not None:
+            noise = np.swapaxes(R_C_B, 1, 2) @ shift @ R_C_B
             known = rows[:3].transpose(2, 1, 0)
             gained = np.einsum("kij,qjk->qik", inverted_sums(noise, known), rows)
             total.eliminate(rows, gained)

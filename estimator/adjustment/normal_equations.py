@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
+from baryscope.estimator.geometry.symmetric import inverted_sums, symmetric_inverses
 
 FloatArray = NDArray[np.float64]
 CHUNK_SIZE = 200_000  # numbers in the largest array of a chunk, so that it fits the processor's cache
@@ -69,6 +69,12 @@ class NormalBlocks:
         back = np.swapaxes(self.turn_shift, 1, 2) @ symmetric_inverses(self.turn)
         return self.shift - back @ self.turn_shift, self.shift_rhs - (back @ self.turn_rhs[:, :, None])[:, :, 0]
 
+    def turn_alone(self, shift: FloatArray) -> FloatArray:
+        """The frames' information (n, 3, 3) on φ with τ unknown, of covariance shift (n, 3, 3) in B, over the variance
+        of an observation of weight 1.
+        """
+        return self.turn - self.turn_shift @ inverted_sums(shift, self.shift) @ np.swapaxes(self.turn_shift, 1, 2)
+
     def of_poses(self) -> tuple[FloatArray, FloatArray]:
         """The frames' blocks (n, 6, 6) of (φ, τ), and their right-hand sides (n, 6)."""
         n = len(self.turn)
@@ -81,10 +87,14 @@ class NormalBlocks:
         """The blocks (n, 6, 3 m) that couple each frame's (φ, τ) with the points."""
         return np.concatenate([self.turn_points(), self.shift_points()], axis=1)
 
-    def best_pose(self) -> tuple[FloatArray, FloatArray]:
-        """The changes φ (n, 3) and τ (n, 3) of each frame's pose that fit best for the same points."""
+    def best_pose(self, prior: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """The changes φ (n, 3) and τ (n, 3) of each frame's pose that fit best for the same points.
+
+        prior (n, 3, 3): the covariance of τ, over the variance of an observation of weight 1; without a bound if None.
+        """
         information, rhs = self.shift_alone()
-        shift = (symmetric_inverses(information) @ rhs[:, :, None])[:, :, 0]
+        inverse = symmetric_inverses(information) if prior is None else inverted_sums(prior, information)
+        shift = (inverse @ rhs[:, :, None])[:, :, 0]
         left = self.turn_rhs - np.einsum("kij,kj->ki", self.turn_shift, shift)
         return np.einsum("kij,kj->ki", symmetric_inverses(self.turn), left), shift
 
@@ -123,14 +133,23 @@ def normal_blocks(
 
 
 def at_best_attitudes(
-    observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
+    observations: Observations,
+    attitude: FloatArray,
+    origin: FloatArray,
+    points: FloatArray,
+    shift: FloatArray | None = None,
 ) -> tuple[FloatArray, NormalBlocks]:
     """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed, and the blocks there.
 
-    Arguments as in `normal_blocks`.
+    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1; the
+    origin is free as far as that allows. Other arguments as in `normal_blocks`.
     """
     seen = _seen(observations, origin, points)
-    best = attitude @ exp_rotation(seen.best_turns(attitude))
+    if shift is None:
+        turn = seen.best_turns(attitude)
+    else:
+        turn, _ = seen.normal_blocks(attitude).best_pose(np.swapaxes(attitude, 1, 2) @ shift @ attitude)
+    best = attitude @ exp_rotation(turn)
     return best, seen.normal_blocks(best)
 
 
@@ -264,11 +283,17 @@ def _sums(weight: FloatArray, matrices: FloatArray) -> FloatArray:
     return np.asarray((np.swapaxes(matrices, 1, 2).reshape(m, 9).T @ weight.T).reshape(3, 3, n).T)
 
 
-def attitude_information(observations: Observations, attitude: FloatArray, points: FloatArray) -> FloatArray:
+def attitude_information(
+    observations: Observations, attitude: FloatArray, points: FloatArray, shift: FloatArray | None = None
+) -> FloatArray:
     """The information (n, 3, 3) in B, 1/rad², on the attitude (n, 3, 3) R_C_B, with points (m, 3) and origin known.
 
-    The observations' weights are inverse variances; other weights scale the information.
+    shift (n, 3, 3): the covariance of a shift of each frame in C, but for which the origin is known, over the variance
+    of an observation of weight 1. The observations' weights are inverse variances; other weights scale the information.
     """
+    if shift is not None:
+        found = normal_blocks(observations, attitude, np.zeros((len(attitude), 3)), points)
+        return found.turn_alone(np.swapaxes(attitude, 1, 2) @ shift @ attitude)
     arms = cross_matrices(points)
     if observations.precision is None:
         return turn_information(observations.weight, arms)

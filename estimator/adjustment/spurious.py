@@ -269,11 +269,11 @@ class NoisyAttitudes:
         found = normal_blocks(
             observations.frames(frames).features(body.features), attitude, origin[frames], body.points
         )
-        known, _ = found.shift_alone()
+        (known, _), of_turn = found.shift_alone(), found.turn
         if shift is not None:
             noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
-            known = inverted_sums(known, noise)
-        covariance = attitude_covariances(found.turn, variance)
+            known, of_turn = inverted_sums(known, noise), found.turn_alone(noise)
+        covariance = attitude_covariances(of_turn, variance)
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
         return cls(every, frames, attitude, known, covariance, greatest)
 

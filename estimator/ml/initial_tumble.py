@@ -91,9 +91,10 @@ def fit_tumble(
     variance: float,
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
+    shift: FloatArray | None = None,
 ) -> Tumble:
     """The likeliest of `fit_tumbles`, which see."""
-    return fit_tumbles(bodies, observations, variance, time, orbits)[0]
+    return fit_tumbles(bodies, observations, variance, time, orbits, shift)[0]
 
 
 def fit_tumbles(
@@ -102,15 +103,17 @@ def fit_tumbles(
     variance: float,
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
+    shift: FloatArray | None = None,
 ) -> tuple[Tumble, ...]:
     """The rotations that fit the attitudes of the bodies best for the gravity gradients of `orbits`, likeliest first.
 
-    variance: of an observation of weight 1; time (n,) of all frames in s.
+    variance: of an observation of weight 1; time (n,) of all frames in s; shift (n, 3, 3): the covariance of the
+    frames' shifts in C, over that variance.
 
     Raises:
         ComputationError: no window of frames determines a rate.
     """
-    poses = _poses(bodies, observations, variance, time)
+    poses = _poses(bodies, observations, variance, time, shift)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
     best: Tumble | None = None
     fast: list[float] = []
@@ -150,7 +153,13 @@ def _of_near_spin(best: Tumble, body: Body, poses: _Poses, main: int, time: Floa
     return best
 
 
-def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float, time: FloatArray) -> _Poses:
+def _poses(
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    variance: float,
+    time: FloatArray,
+    shift: FloatArray | None,
+) -> _Poses:
     """A subsample of the attitudes of all bodies, ordered in time, with their information."""
     total = sum(len(body.frames) for body in bodies)
     every = max(1, total // MAX_POSES)
@@ -158,7 +167,7 @@ def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
         own = observations.features(body.features).frames(frames)
-        information = attitude_information(own, attitude, body.points)
+        information = attitude_information(own, attitude, body.points, None if shift is None else shift[frames])
         parts.append((time[frames], attitude, np.full(len(frames), index), information / variance))
     order = np.argsort(np.concatenate([part[0] for part in parts]), kind="stable")
     columns = [np.concatenate(values)[order] for values in zip(*parts, strict=True)]

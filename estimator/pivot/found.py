@@ -148,7 +148,7 @@ class Pivot:
         """The mean square of each body's errors of attitude over that expected, where it matters; 0 of a lost body."""
         if self.spurious_share < LOOKED_AT:
             return tuple(float(not lost) for lost in self.lost)
-        at = self.observations, self.time, self.frame_variance
+        at = self.observations, self.time, self.frame_variance, self.shift
         pairs = zip(self.bodies, self.lost, strict=True)
         return tuple(0.0 if lost else excess_noise(body, *at) for body, lost in pairs)
 

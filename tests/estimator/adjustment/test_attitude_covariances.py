@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.adjustment.normal_equations import (
+    at_best_attitudes,
+    attitude_covariances,
+    attitude_information,
+    turn_information,
+)
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.geometry.so3 import cross_matrices, log_rotation
 
 
 @pytest.mark.parametrize("sigma", [1e-2, 1e-5, 1e-8])
@@ -34,3 +40,25 @@ def test_an_attitude_that_is_known_about_two_axes_is_off_by_a_radian_at_most():
     assert np.linalg.eigvalsh(weak)[0] < -1e-7
     [found] = attitude_covariances(weak[None], 1e-9)
     assert np.linalg.eigvalsh(found)[-1] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("told", [False, True], ids=["equal weights", "precisions"])
+def test_attitudes_about_an_origin_that_shifts_are_as_good_as_their_information_says(told):
+    """20,000 frames whose origin, far from the points, is shifted by five times the noise, more along one axis.
+
+    The errors' covariance is to within five deviations of its elements, √(2/20,000) of one on the diagonal.
+    """
+    n, rng = 20_000, np.random.default_rng(11)
+    points = np.array([[0.3, 0.1, 2.0], [-0.4, 0.2, 2.3], [0.1, -0.5, 1.9], [0.2, 0.4, 2.6]])
+    sigma, slips = 1e-3, np.diag([5e-3, 5e-3, 2e-2])
+    attitude = np.broadcast_to(np.eye(3), (n, 3, 3))
+    position = points + sigma * rng.normal(size=(n, 4, 3)) + rng.normal(size=(n, 1, 3)) @ slips
+    precision = np.broadcast_to(np.eye(3), (n, 4, 3, 3)) if told else None
+    seen, shift = Observations(position, np.ones((n, 4)), precision), np.broadcast_to(slips**2 / sigma**2, (n, 3, 3))
+    found = log_rotation(at_best_attitudes(seen, attitude, np.zeros((n, 3)), points, shift)[0])
+    expected = sigma**2 * np.linalg.inv(attitude_information(seen, attitude, points, shift)[0])
+    scatter = found.T @ found / n
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(scatter / size, expected / size, rtol=0.0, atol=5 * np.sqrt(2 / n))
+    about_a_point_at_rest = sigma**2 * np.linalg.inv(attitude_information(seen, attitude, points)[0])
+    assert expected[0, 0] > 5 * about_a_point_at_rest[0, 0]
