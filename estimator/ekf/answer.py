@@ -23,7 +23,7 @@ from baryscope.estimator.findings import EstimatedOrbit, FewFrames, UnknownBurn
 from baryscope.estimator.geometry.gauge import are_in_line, attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.orbits.estimated import estimated_orbit
-from baryscope.estimator.pivot.burns import unknown_burns
+from baryscope.estimator.pivot.burns.solution import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise

@@ -37,7 +37,7 @@ from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, 
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
-from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
+from baryscope.estimator.pivot.burns.solution import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information

@@ -1,4 +1,4 @@
-"""The search for unknown burns in the linear equations of `burn_equations`.
+"""The search for unknown burns in the linear equations of `equations`.
 
 A burn is an acceleration of a variance of its own in some consecutive cells. The gain of all such windows in 2 ln p
 follows from sums over the information on the cells (sparse Bayesian learning: Tipping and Faul 2003). The window of the
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import RIDGE, solved
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn
-from baryscope.estimator.pivot.burn_equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit
+from baryscope.estimator.pivot.burns.equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -1,4 +1,4 @@
-"""Unknown burns of the chaser as unknowns of the path: found by `burn_search`, refined with free attitudes, and tested.
+"""Unknown burns of the chaser as unknowns of the path: found by `search`, refined with free attitudes, and tested.
 
 The only burn stays if the tracks are a thousand times likelier with it, at any time and of any duration, another one if
 they are likelier, with the process noise of maximum likelihood in either case.
@@ -19,8 +19,8 @@ from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, burn_equations
-from baryscope.estimator.pivot.burn_search import likeliest, price, without
+from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, burn_equations
+from baryscope.estimator.pivot.burns.search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.reduced import bounded_cost, fixed_at, scaled
 from baryscope.estimator.pivot.refinement import InitialSolution, refined
