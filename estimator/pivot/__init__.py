@@ -1,7 +1,7 @@
 """The drifting pivot: least squares of path and points with a free attitude in every frame.
 
-`method` is the entry: `start` (from the linear `drift`), `refinement` of `free_attitudes` (by `elimination`),
-`strays`, `burns` that nothing told, `unexplained` orbits, `tie_points`, `lack_of_fit`, and the `joint_covariance`, with
-the `ridge` of what is hardly observable.
+`method` is the entry: `start` (from the linear `drift`) gives an `initial_solution`, from which `refinement` iterates
+over `free_attitudes` (by `elimination`); then `strays`, `burns` that nothing told, `unexplained` orbits, `tie_points`,
+`lack_of_fit`, and the `joint_covariance`, with the `ridge` of what is hardly observable.
 Uses geometry, registration, dynamics, result and adjustment.
 """

@@ -40,13 +40,14 @@ from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.burns.solution import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import misfits
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy, with_errors_of_orbit
 from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
-from baryscope.estimator.pivot.refinement import ROUNDING, InitialSolution, refined
+from baryscope.estimator.pivot.refinement import ROUNDING, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.rods import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.start import LinearStart, linear_start

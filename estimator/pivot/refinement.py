@@ -1,7 +1,6 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,21 +9,18 @@ from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom
 from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
-from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import enriched
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, regained, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
 from baryscope.estimator.pivot.reduced import scaled, stepped
@@ -44,44 +40,6 @@ LASTING_TOLERANCE = 0.1  # relative change of the number of frames with the same
 SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over which the frames' shifts are told
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
-
-
-@dataclass(frozen=True, eq=False)
-class InitialSolution:
-    """The initial solution of the refinement.
-
-    path, and sampled at the tracks' times (n,) in s; registered: the bodies, with points from their centroid; bodies
-    with points from the centre of mass, and the path's x; measured: all observations; observations: those of bodies in
-    their frames; inliers (n, m): which passed screening; weight (n, m): of the observations in this solution, if not
-    their own. lasting: how many frames have the same errors of the features, as the registered bodies tell; variance:
-    of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a simple path,
-    which holds until the weights have settled; slips: whether the position may have white noise, as that of a pivot
-    that slips.
-    """
-
-    path: Path
-    sampled: SampledPath
-    time: FloatArray
-    registered: tuple[Body, ...]
-    bodies: tuple[Body, ...]
-    x: FloatArray
-    measured: Observations
-    observations: Observations
-    inliers: BoolArray
-    weight: FloatArray | None = None
-    lasting: float = 1.0
-    variance: float = 0.0
-    errors: SharedErrors | None = None
-    first_prior: Prior | None = None
-    slips: bool = False
-
-    def on(self, path: Path, sampled: SampledPath, x: FloatArray) -> "InitialSolution":
-        """The start on another path, sampled at the times, with unknowns x (p,) that are good enough for its prior."""
-        return replace(self, path=path, sampled=sampled, x=x, first_prior=None)
-
-    def near(self, found: Pivot) -> "InitialSolution":
-        """The start with the bodies of a solution, and the weights that it has found."""
-        return replace(self, bodies=found.bodies, observations=found.observations, inliers=found.inliers, weight=None)
 
 
 def refined(start: InitialSolution, options: PathOptions) -> Pivot:

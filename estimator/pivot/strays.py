@@ -14,8 +14,9 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 

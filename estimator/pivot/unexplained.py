@@ -14,9 +14,10 @@ from baryscope.estimator.findings import FollowsRotation
 from baryscope.estimator.observability import UNOBSERVABLE, Observability
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import bounded_cost
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.models.errors import ComputationError
 
 FAINT = 1e-30  # m²/s³: a density without effect

@@ -22,8 +22,9 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burns.search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.reduced import bounded_cost, fixed_at, scaled
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit

@@ -28,9 +28,9 @@ from baryscope.estimator.orbits.error import (
     untold_push,
 )
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
 from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
-from baryscope.estimator.pivot.refinement import InitialSolution
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]

@@ -13,7 +13,8 @@ from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, InexactOrbitPath, with_orbit_error
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.initial_solution import InitialSolution
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit

@@ -12,9 +12,10 @@ from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.estimated import on_estimated_orbit
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import of_first, scaled
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError, InputError
 

@@ -20,9 +20,10 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate_in
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
+from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
 from baryscope.estimator.pivot.reduced import fixed_at
-from baryscope.estimator.pivot.refinement import InitialSolution, refined
+from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
