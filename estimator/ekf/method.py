@@ -34,8 +34,9 @@ from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.error import inexact_parts
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
+from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
-from baryscope.estimator.pivot.method import estimate_of, solve_pivot
+from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
 from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness

@@ -45,8 +45,9 @@ from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.search import likely_tumbles
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.method import estimate_of, solve_pivot
+from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prediction import PredictedBody, PredictedPath
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
