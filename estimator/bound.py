@@ -25,7 +25,8 @@ from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.ml.attached import AttachedAxes
-from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
+from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath

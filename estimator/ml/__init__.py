@@ -1,8 +1,8 @@
 """Maximum a posteriori estimate of path, points, rate and inertia of a free tumble, starting from `pivot`.
 
 `method` is the entry, `answer` the estimate, and `priors` says why there are some; `initial_tumble` and `nutation`
-start, `maximum` iterates on the normal equations of `likelihood`, which are also those of the bound, with `jacobians`
-of blocks of frames; `products` widen. `search` asks whether a gravity gradient acts, `either` answers where that is not
-told.
+start, `maximum` iterates on the normal equations of `likelihood`, which are also those of the bound: `sums` over the
+frames of a `model`, with `jacobians` of blocks of frames; `products` widen. `search` asks whether a gravity gradient
+acts, `either` answers where that is not told.
 Uses pivot and the rooms that pivot uses.
 """

@@ -19,7 +19,8 @@ from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME
 from baryscope.estimator.ml.jacobians import Knots, worthwhile
-from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
+from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.progress import Rounds
 

@@ -22,7 +22,8 @@ from baryscope.estimator.dynamics.seen import as_seen, errors_in
 from baryscope.estimator.ml.initial_tumble import Tumble
 from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, degrees_of_freedom, iterated
 from baryscope.estimator.ml.jacobians import PHASE
-from baryscope.estimator.ml.likelihood import Equations, FrameNoise
+from baryscope.estimator.ml.likelihood import Equations
+from baryscope.estimator.ml.model import FrameNoise
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.ml.torque_modes import with_modes, with_needed_modes
 from baryscope.estimator.options import PathOptions

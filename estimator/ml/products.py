@@ -5,8 +5,9 @@ import numpy as np
 from baryscope.estimator.adjustment.products import are_negligible, independent, product_shifts
 from baryscope.estimator.ml.iteration import turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
-from baryscope.estimator.ml.likelihood import Model, equations
+from baryscope.estimator.ml.likelihood import equations
 from baryscope.estimator.ml.maximum import MaximumAPosteriori
+from baryscope.estimator.ml.model import Model
 from baryscope.estimator.tracks import FloatArray
 
 

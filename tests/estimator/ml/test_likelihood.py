@@ -14,7 +14,8 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.ml.jacobians import Knots, worthwhile
-from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
+from baryscope.estimator.ml.likelihood import equations
+from baryscope.estimator.ml.model import FrameNoise, Model
 from synthetic import ENVISAT, differences, roots, turned_back
 
 N, M, P, Q = 12, 6, 6, 14  # frames, features, unknowns of the path, and of path and motion

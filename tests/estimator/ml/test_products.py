@@ -15,7 +15,8 @@ from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.jacobians import Jacobians
-from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
+from baryscope.estimator.ml.likelihood import equations
+from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status

@@ -1,0 +1,79 @@
+"""The model of a tumbling body on a path at the frames, and of the movements of whole frames that it does not tell."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.rotation import Attitudes
+from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
+from baryscope.estimator.ml.jacobians import Knots
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameNoise:
+    """Movements of all points of a frame together, independent from frame to frame: their covariances in C.
+
+    turn (n, 3, 3): of a rotation about the origin of C, rad², as by the camera's attitude; shift (n, 3, 3): of a
+    translation, m². For weights that are inverse variances; other weights scale both by the variance of weight 1.
+    """
+
+    turn: FloatArray
+    shift: FloatArray
+
+    def gain(self, block: FloatArray, attitude: FloatArray, origin: FloatArray) -> FloatArray:
+        """(C⁻¹ + B)⁻¹ (n, 6, 6), for information B, block (n, 6, 6), on the same movements in B; C may be singular."""
+        covariance = self._of_poses(attitude, origin)
+        found = covariance @ np.linalg.inv(np.eye(6) + block @ covariance)
+        return np.asarray((found + np.swapaxes(found, 1, 2)) / 2)
+
+    def _of_poses(self, attitude: FloatArray, origin: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) as movements (φ, τ) in B, of bodies with attitude (n, 3, 3) at origin (n, 3)."""
+        R_B_C = np.swapaxes(attitude, 1, 2)
+        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin)], axis=1)
+        by_shift = np.concatenate([np.zeros_like(R_B_C), R_B_C], axis=1)
+        return np.asarray(
+            by_turn @ self.turn @ np.swapaxes(by_turn, 1, 2) + by_shift @ self.shift @ np.swapaxes(by_shift, 1, 2)
+        )
+
+    def frames(self, part: slice) -> "FrameNoise":
+        """That of some frames."""
+        return FrameNoise(self.turn[part], self.shift[part])
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Motion, path and frame noise at the frames, and points, at which the equations are linearised.
+
+    motion and path sampled at the frames, the path as it is seen; origin (n, 3): its positions in C, m; points (m, 3)
+    in B, m. knots: Jacobians for blocks of frames; None: those of every frame. turned (n, 3): the rotation vectors in C
+    by which a camera sees the attitudes turned.
+    """
+
+    motion: Attitudes
+    path: SampledPath
+    origin: FloatArray
+    points: FloatArray
+    noise: FrameNoise | None = None
+    knots: Knots | None = None
+    turned: FloatArray | None = None
+
+    @cached_property
+    def attitude(self) -> FloatArray:
+        """The attitudes (n, 3, 3) as they are seen."""
+        R = self.motion.attitude
+        return R if self.turned is None else exp_rotation(self.turned) @ R
+
+    @property
+    def rotation_size(self) -> int:
+        """The number of the rotation's unknowns."""
+        return self.motion.size
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns y."""
+        return self.rotation_size + self.path.size
