@@ -16,7 +16,7 @@ Rooms with a way in of their own: online (frame by frame), joint (between two bo
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
-from baryscope.estimator.document import write_estimate
+from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import dataset_of_tracks, read_tracks, tracks_of, tracks_of_dataset, write_tracks
 from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions

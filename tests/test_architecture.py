@@ -27,7 +27,7 @@ LAYERS = [
     ["estimator.prediction"],
     ["estimator.findings"],
     ["estimator.result"],
-    ["estimator.adjustment", "estimator.prose", "estimator.document_details"],
+    ["estimator.adjustment", "estimator.prose"],
     ["estimator.orbits"],
     ["estimator.screws", "estimator.pivot", "estimator.score", "estimator.document", "estimator.claims"],
     ["estimator.consider"],

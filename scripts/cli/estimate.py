@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from baryscope.estimator.document import write_estimate
+from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import Unit, read_tracks, writable
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.plausibility import refuse_implausible

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
-from baryscope.estimator.document import document_of
+from baryscope.estimator.document.document import document_of
 from baryscope.estimator.prose import summary, untested, verdict
 from baryscope.estimator.result import Estimate, Status
 from baryscope.report.charts import SIGMAS, curve

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from baryscope import __version__
-from baryscope.estimator.document import write_estimate
+from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.prose import summary
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario

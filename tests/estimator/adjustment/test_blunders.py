@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.document import rejected_intervals
+from baryscope.estimator.document.document import rejected_intervals
 from free_paths import BOTH, NOISE, assert_good, fixed_case, found_by, squared_error, with_positions
 
 

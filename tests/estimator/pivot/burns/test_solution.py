@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from baryscope.estimator.document import document_of
+from baryscope.estimator.document.document import document_of
 from baryscope.estimator.findings import EstimatedOrbit, UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions

@@ -1,44 +1,19 @@
-"""An estimate as files: the path as CSV, and everything else as JSON with a documented, versioned schema.
+"""The document of an estimate, with a versioned schema that pydantic derives from it.
 
-The schema is derived from `EstimateDocument` by pydantic; a test compares docs/estimate.schema.json with it.
+A test compares docs/estimate.schema.json with it.
 """
 
-import csv
 import json
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
-from functools import partial
-from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field
 
-from baryscope.estimator.document_details import (
-    DetailsPart,
-    Matrix,
-    Part,
-    Vector,
-    details_part,
-    plain,
-)
-from baryscope.estimator.findings import Finding
-from baryscope.estimator.formats.write import netcdf, parquet, zarr
-from baryscope.estimator.observability import Observability, PrincipalAxes
-from baryscope.estimator.prediction import Prediction
-from baryscope.estimator.prose import sentence, verdict
-from baryscope.estimator.registration.intervals import runs_of
-from baryscope.estimator.result import Cluster, Estimate, ProcessNoise, Status
-from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
-from baryscope.estimator.thrust import KnownAcceleration
-from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, Writer, write_together
+from baryscope.estimator.document.details import DetailsPart, Matrix, Part, Vector
+from baryscope.estimator.result import Status
 
 SCHEMA_VERSION: Literal[1] = 1
 
 Interval = tuple[float, float]
-STATE = ("x", "y", "z", "vx", "vy", "vz")
 
 
 class AxesPart(Part):
@@ -210,41 +185,6 @@ class EstimateDocument(Part):
     wall_time: float = Field(description="s")
 
 
-def document_of(result: Estimate) -> EstimateDocument:
-    """The document of an estimate: everything except its series over time."""
-    return EstimateDocument(
-        version=result.version,
-        epoch=result.epoch,
-        method=result.method,
-        status=result.status,
-        path=result.path,
-        options={field.name: _option(getattr(result.options, field.name)) for field in fields(result.options)},
-        converged=result.converged,
-        rounds=result.rounds,
-        coverage=result.coverage,
-        predicted_rmse=plain(result.predicted_rmse),
-        noise=NoisePart(
-            a_priori=result.noise.a_priori,
-            a_posteriori=result.noise.a_posteriori,
-            unit="1" if result.noise.relative else "m",
-            lasting=result.noise.lasting,
-        ),
-        process_noise=None if result.process_noise is None else _process_noise(result.process_noise),
-        observability=None if result.observability is None else _observability(result.observability),
-        clusters=tuple(_cluster(cluster, result) for cluster in result.clusters),
-        residual_rms={
-            label: plain(value) for label, value in zip(result.labels, result.feature_rms.tolist(), strict=True)
-        },
-        rejected=RejectedPart(
-            share=result.rejected_share, features=result.rejected_features, intervals=rejected_intervals(result)
-        ),
-        forces=tuple(ForcePart.model_validate(asdict(force)) for force in result.forces),
-        findings=tuple(_finding(finding) for finding in result.findings),
-        details=details_part(result.details),
-        wall_time=result.wall_time,
-    )
-
-
 def schema() -> dict[str, Any]:
     """The JSON schema of the document."""
     return EstimateDocument.model_json_schema(mode="serialization")
@@ -253,137 +193,3 @@ def schema() -> dict[str, Any]:
 def schema_text() -> str:
     """The JSON schema as the text of docs/estimate.schema.json."""
     return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
-
-
-def write_estimate(
-    result: Estimate, path: AnyPath, prediction: Prediction | None = None, also: Mapping[Path, str] | None = None
-) -> None:
-    """Write the path as a CSV file, and the document beside it with the suffix .json.
-
-    A name that ends in .parquet has the same columns in Parquet, and one in .nc or .zarr has
-    `Estimate.to_dataset` in NetCDF or Zarr.
-    prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
-    or, if one cannot be, not at all.
-
-    Raises:
-        InputError: a file cannot be written, or the two names are one.
-    """
-    path = Path(path)
-    beside = path.with_suffix(".json")
-    if beside == path:
-        raise InputError(f"{path}: this name is kept for the diagnostics, expected another suffix than .json")
-    text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
-    writing: dict[Path, Writer] = {path: _path_writer(result, path), beside: lambda stream: stream.write(text + "\n")}
-    if prediction is not None:
-        names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
-        writing[path.with_suffix(".prediction.csv")] = _rows(names, _predicted_columns(prediction))
-    texts = (also or {}).items()
-    write_together(writing | {file: partial(_write_text, content) for file, content in texts})
-
-
-def _path_writer(result: Estimate, path: Path) -> Writer:
-    names = ("time", "x", "y", "z", *COVARIANCE_COLUMNS)
-    match path.suffix:
-        case ".parquet":
-            return parquet(dict(zip(names, _columns(result), strict=True)))
-        case ".nc":
-            return netcdf(result.to_dataset())
-        case ".zarr":
-            return zarr(result.to_dataset())
-    return _rows(names, _columns(result))
-
-
-def _write_text(content: str, stream: TextIO) -> None:
-    stream.write(content)
-
-
-def _columns(result: Estimate) -> list[list[object]]:
-    """Time, position and covariance, whose cells are empty if there is none."""
-    n = len(result.time)
-    columns: list[list[object]] = [result.time.tolist(), *(result.position[:, axis].tolist() for axis in range(3))]
-    for row, column in UPPER:
-        columns.append([None] * n if result.covariance is None else result.covariance[:, row, column].tolist())
-    return columns
-
-
-def _predicted_columns(found: Prediction) -> list[list[object]]:
-    """Time, position, velocity, and the upper triangle of their covariance, row by row."""
-    states = [values[:, axis].tolist() for values in (found.position, found.velocity) for axis in range(3)]
-    rows, columns = np.triu_indices(6)
-    covariance = found.covariance[:, rows, columns].T.tolist()
-    return [found.time.tolist(), *states, *covariance]
-
-
-def _rows(names: tuple[str, ...], columns: list[list[object]]) -> Callable[[TextIO], None]:
-    """What writes columns as a CSV file."""
-
-    def write(stream: TextIO) -> None:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows(zip(*columns, strict=True))
-
-    return write
-
-
-def _option(value: Any) -> Any:
-    """An option as JSON has it, a known acceleration in words."""
-    return str(value) if isinstance(value, KnownAcceleration) else plain(value)
-
-
-def _axes(axes: PrincipalAxes) -> AxesPart:
-    return AxesPart(deviations=plain(axes.deviations), directions=plain(axes.directions))
-
-
-def _observability(found: Observability) -> ObservabilityPart:
-    first, second, third = found.observable.tolist()
-    return ObservabilityPart(
-        verdict=verdict(found),
-        cluster=found.cluster,
-        threshold=found.threshold,
-        observable=(first, second, third),
-        condition_number=plain(found.condition_number),
-        body=_axes(found.body),
-        inertial=_axes(found.inertial),
-    )
-
-
-def _cluster(cluster: Cluster, result: Estimate) -> ClusterPart:
-    time = result.time
-    return ClusterPart(
-        start=float(time[cluster.frames[0]]),
-        end=float(time[cluster.frames[-1]]),
-        frames=len(cluster.frames),
-        intervals=tuple((float(time[one.start]), float(time[one.stop - 1])) for one in cluster.intervals),
-        features={
-            label: plain(point)
-            for label, point in zip(cluster.labels, cluster.points, strict=True)
-            if np.isfinite(point).all()
-        },
-        centre_of_mass=plain(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
-        centre_of_mass_covariance=plain(cluster.covariance),
-    )
-
-
-def rejected_intervals(result: Estimate) -> dict[str, tuple[Interval, ...]]:
-    """For each feature with rejected observations, their intervals from first to last time, s."""
-    found = {}
-    for index in np.nonzero(result.rejected.any(axis=0))[0]:
-        runs = runs_of(result.rejected[:, index])
-        found[result.labels[index]] = tuple((float(result.time[a]), float(result.time[b - 1])) for a, b in runs)
-    return found
-
-
-def _process_noise(noise: ProcessNoise) -> ProcessNoisePart:
-    return ProcessNoisePart(
-        source=noise.source,
-        density=noise.density,
-        unit="m²" if noise.of_position else "m²/s³",
-        bounds=noise.interval,
-        significance=plain(noise.significance),
-        displacement=plain(noise.displacement),
-    )
-
-
-def _finding(finding: Finding) -> FindingPart:
-    kind = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(finding).__name__).lower()  # LackOfFit: lack-of-fit
-    return FindingPart.model_validate({"kind": kind, "text": sentence(finding)} | asdict(finding))

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
-from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema, schema_text
+from baryscope.estimator.document.document import rejected_intervals
+from baryscope.estimator.document.schema import EstimateDocument, schema, schema_text
 from baryscope.estimator.findings import DifferentPoints, Finding, LackOfFit, WrongSigma
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
 from synthetic import Orbit
 
 COLUMNS = ["time", "x", "y", "z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"]
-SCHEMA = Path(__file__).parents[2] / "docs" / "estimate.schema.json"
+SCHEMA = Path(__file__).parents[3] / "docs" / "estimate.schema.json"
 
 
 def refuse(name):
@@ -105,7 +106,7 @@ def test_every_method_writes_according_to_the_schema(method, case_of, at_rest, t
 
 
 def test_the_documented_schema_is_the_one_in_use():
-    """python -c "from baryscope.estimator.document import schema_text as s; print(s(), end='')" prints it."""
+    """python -c "from baryscope.estimator.document.schema import schema_text as s; print(s(), end='')" prints it."""
     assert SCHEMA.read_text(encoding="utf-8") == schema_text()
 
 
