@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.alignment import align
@@ -53,12 +54,12 @@ class _AttitudeSeries:
 
     @classmethod
     def of(
-        cls, body: Body, observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None
+        cls, body: Body, observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None
     ) -> "_AttitudeSeries":
         """That of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
-        own_shift = None if shift is None else shift[body.frames]
-        information = attitude_information(own, body.attitude, body.points, own_shift)
+        own_shifts = None if shifts is None else shifts.frames(body.frames)
+        information = attitude_information(own, body.attitude, body.points, own_shifts)
         passed = (time[body.frames] - time[0]) / sampling_interval(time)
         return cls(passed, body.attitude, attitude_covariances(information, variance))
 
@@ -77,17 +78,17 @@ def strays(
     observations: Observations,
     time: FloatArray,
     variance: float,
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
 ) -> list[BoolArray]:
     """Which attitudes of each body are far from a rotation fitted to those near, (n,).
 
     Bodies that share enough features have their attitudes compared with each other's: of few frames, as those in which
     some features are others, there are no neighbours.
-    observations (n, m), with robust weights, at times (n,) in s; variance: of an observation of weight 1; shift
-    (n, 3, 3): the covariance of the frames' shifts in C, over that variance.
+    observations (n, m), with robust weights, at times (n,) in s; variance: of an observation of weight 1; shifts:
+    of the frames.
     """
     found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
-    for group, turning in _together(bodies, observations, time, variance, shift):
+    for group, turning in _together(bodies, observations, time, variance, shifts):
         order = np.argsort(turning.time, kind="stable")
         flipped = _flipped(turning.time[order], turning.attitude[order])
         stray = np.zeros(len(order), dtype=bool)
@@ -106,20 +107,20 @@ def strays(
 
 
 def _together(
-    bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None
+    bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None
 ) -> Iterator[tuple[list[int], _AttitudeSeries]]:
     """Groups of bodies by their indices, and the attitudes of the axes of the first, one body's after the other's."""
     left = sorted(range(len(bodies)), key=lambda index: -len(bodies[index].frames))
     while left:
         first, rest = left[0], []
-        group, parts = [first], [_AttitudeSeries.of(bodies[first], observations, time, variance, shift)]
+        group, parts = [first], [_AttitudeSeries.of(bodies[first], observations, time, variance, shifts)]
         for index in left[1:]:
             into = _into_axes(bodies[first], bodies[index], observations)
             if into is None:
                 rest.append(index)
             else:
                 group.append(index)
-                parts.append(_AttitudeSeries.of(bodies[index], observations, time, variance, shift).turned(*into))
+                parts.append(_AttitudeSeries.of(bodies[index], observations, time, variance, shifts).turned(*into))
         columns = zip(*((part.time, part.attitude, part.covariance) for part in parts), strict=True)
         yield group, _AttitudeSeries(*map(np.concatenate, columns))
         left = rest
@@ -143,13 +144,13 @@ def _into_axes(first: Body, second: Body, observations: Observations) -> tuple[F
 
 
 def excess_noise(
-    body: Body, observations: Observations, time: FloatArray, variance: float, shift: FloatArray | None = None
+    body: Body, observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None = None
 ) -> float:
     """The mean square of the attitudes' errors over that expected, at least 1; the others as in `strays`.
 
     It is 1 where the rotation from frame to frame is too fast to be fitted.
     """
-    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance, shift))
+    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance, shifts))
     if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
         return 1.0
     return max(float(squared[tested].mean()) / 3, 1.0)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -71,11 +72,11 @@ class ReducedEquations:
 
 @dataclass(frozen=True, eq=False)
 class AllFrames:
-    """Of all n frames: the path there, its origin (n, 3) in C, and shift (n, 3, 3), see `free_attitudes.linearised`."""
+    """Of all n frames: the path there, its origin (n, 3) in C, and their shifts."""
 
     path: SampledPath
     origin: FloatArray
-    shift: FloatArray | None
+    shifts: FrameShifts | None
 
 
 def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
@@ -83,7 +84,7 @@ def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, 
 
     own: observations of its features in all frames.
     """
-    several = own.precision is not None or frames.shift is not None
+    several = own.precision is not None or frames.shifts is not None
     return _with_blocks(body, own, frames) if several else _with_weights(body, own, frames)
 
 
@@ -146,8 +147,8 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
-        shift = None if frames.shift is None else frames.shift[index]
-        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shift)
+        shifts = None if frames.shifts is None else frames.shifts.frames(index)
+        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shifts)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()
         total.points += block_diag(*found.point)
@@ -159,12 +160,11 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
         rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
         squares = found.squares
-        if shift is not None:
-            noise = np.swapaxes(R_C_B, 1, 2) @ shift @ R_C_B
-            known = rows[:3].transpose(2, 1, 0)
-            gained = np.einsum("kij,qjk->qik", inverted_sums(noise, known), rows)
+        if shifts is not None:
+            known, rhs = rows[:3].transpose(2, 1, 0), rows[-1].T
+            gained = np.einsum("kij,qjk->qik", inverted_sums(shifts.among_all(R_C_B), known), rows)
             total.eliminate(rows, gained)
-            moved, rhs = gained[-1].T, rows[-1].T
+            moved = np.einsum("kij,kj->ki", inverted_sums(shifts.in_body(R_C_B), known), rhs)
             cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
             total.noise_cost += max(cost, 0.0)  # squares, if it were not for rounding
             turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import inverted_sums, symmetric_inverses
@@ -137,18 +138,17 @@ def at_best_attitudes(
     attitude: FloatArray,
     origin: FloatArray,
     points: FloatArray,
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
 ) -> tuple[FloatArray, NormalBlocks]:
     """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed, and the blocks there.
 
-    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1; the
-    origin is free as far as that allows. Other arguments as in `normal_blocks`.
+    shifts: of the n frames, as far as which the origin is free. Other arguments as in `normal_blocks`.
     """
     seen = _seen(observations, origin, points)
-    if shift is None:
+    if shifts is None:
         turn = seen.best_turns(attitude)
     else:
-        turn, _ = seen.normal_blocks(attitude).best_pose(np.swapaxes(attitude, 1, 2) @ shift @ attitude)
+        turn, _ = seen.normal_blocks(attitude).best_pose(shifts.in_body(attitude))
     best = attitude @ exp_rotation(turn)
     return best, seen.normal_blocks(best)
 
@@ -284,16 +284,16 @@ def _sums(weight: FloatArray, matrices: FloatArray) -> FloatArray:
 
 
 def attitude_information(
-    observations: Observations, attitude: FloatArray, points: FloatArray, shift: FloatArray | None = None
+    observations: Observations, attitude: FloatArray, points: FloatArray, shifts: FrameShifts | None = None
 ) -> FloatArray:
     """The information (n, 3, 3) in B, 1/rad², on the attitude (n, 3, 3) R_C_B, with points (m, 3) and origin known.
 
-    shift (n, 3, 3): the covariance of a shift of each frame in C, but for which the origin is known, over the variance
-    of an observation of weight 1. The observations' weights are inverse variances; other weights scale the information.
+    shifts: of the n frames, but for which the origin is known. The observations' weights are inverse variances; other
+    weights scale the information.
     """
-    if shift is not None:
+    if shifts is not None:
         found = normal_blocks(observations, attitude, np.zeros((len(attitude), 3)), points)
-        return found.turn_alone(np.swapaxes(attitude, 1, 2) @ shift @ attitude)
+        return found.turn_alone(shifts.in_body(attitude))
     arms = cross_matrices(points)
     if observations.precision is None:
         return turn_information(observations.weight, arms)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -257,12 +258,11 @@ class NoisyAttitudes:
         observations: Observations,
         origin: FloatArray,
         variance: float,
-        shift: FloatArray | None = None,
+        shifts: FrameShifts | None = None,
     ) -> "NoisyAttitudes":
         """Those of a body.
 
-        origin (n, 3): the path in C, m; variance: of an observation of weight 1; shift (n, 3, 3): the covariance of the
-        frames' shifts in C over that variance.
+        origin (n, 3): the path in C, m; variance: of an observation of weight 1; shifts: of the n frames.
         """
         every = max(1, len(body.frames) // FRAMES)
         frames, attitude = body.frames[::every], body.attitude[::every]
@@ -270,9 +270,9 @@ class NoisyAttitudes:
             observations.frames(frames).features(body.features), attitude, origin[frames], body.points
         )
         (known, _), of_turn = found.shift_alone(), found.turn
-        if shift is not None:
-            noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
-            known, of_turn = inverted_sums(known, noise), found.turn_alone(noise)
+        if shifts is not None:
+            own = shifts.frames(frames)
+            known, of_turn = inverted_sums(known, own.among_all(attitude)), found.turn_alone(own.in_body(attitude))
         covariance = attitude_covariances(of_turn, variance)
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
         return cls(every, frames, attitude, known, covariance, greatest)

@@ -148,7 +148,7 @@ def _refined(
     None if it does not explain them.
     """
     try:
-        tumble = fit_tumble(found.bodies, found.observations, found.frame_variance, tracks.time, torques, found.shift)
+        tumble = fit_tumble(found.bodies, found.observations, found.frame_variance, tracks.time, torques, found.shifts)
     except ComputationError:
         return None
     if tumble.median_ratio >= EXPLAINED:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
@@ -91,10 +92,10 @@ def fit_tumble(
     variance: float,
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
 ) -> Tumble:
     """The likeliest of `fit_tumbles`, which see."""
-    return fit_tumbles(bodies, observations, variance, time, orbits, shift)[0]
+    return fit_tumbles(bodies, observations, variance, time, orbits, shifts)[0]
 
 
 def fit_tumbles(
@@ -103,17 +104,16 @@ def fit_tumbles(
     variance: float,
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
 ) -> tuple[Tumble, ...]:
     """The rotations that fit the attitudes of the bodies best for the gravity gradients of `orbits`, likeliest first.
 
-    variance: of an observation of weight 1; time (n,) of all frames in s; shift (n, 3, 3): the covariance of the
-    frames' shifts in C, over that variance.
+    variance: of an observation of weight 1; time (n,) of all frames in s; shifts: of these.
 
     Raises:
         ComputationError: no window of frames determines a rate.
     """
-    poses = _poses(bodies, observations, variance, time, shift)
+    poses = _poses(bodies, observations, variance, time, shifts)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
     best: Tumble | None = None
     fast: list[float] = []
@@ -158,7 +158,7 @@ def _poses(
     observations: Observations,
     variance: float,
     time: FloatArray,
-    shift: FloatArray | None,
+    shifts: FrameShifts | None,
 ) -> _Poses:
     """A subsample of the attitudes of all bodies, ordered in time, with their information."""
     total = sum(len(body.frames) for body in bodies)
@@ -167,7 +167,9 @@ def _poses(
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
         own = observations.features(body.features).frames(frames)
-        information = attitude_information(own, attitude, body.points, None if shift is None else shift[frames])
+        information = attitude_information(
+            own, attitude, body.points, None if shifts is None else shifts.frames(frames)
+        )
         parts.append((time[frames], attitude, np.full(len(frames), index), information / variance))
     order = np.argsort(np.concatenate([part[0] for part in parts]), kind="stable")
     columns = [np.concatenate(values)[order] for values in zip(*parts, strict=True)]

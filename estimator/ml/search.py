@@ -87,7 +87,7 @@ def _fitted(
     """Tracks and solution with a column for each point, and the rotations that fit the attitudes, likeliest first."""
     tracks, pivot = relabelled(tracks, solved)
     noise = max(pivot.frame_variance, least_variance(pivot.observations, ROUNDING))
-    tumbles = fit_tumbles(pivot.bodies, pivot.observations, noise, tracks.time, torques, pivot.shift)
+    tumbles = fit_tumbles(pivot.bodies, pivot.observations, noise, tracks.time, torques, pivot.shifts)
     done.did(STAGE)
     return tracks, pivot, tumbles
 

@@ -108,8 +108,8 @@ def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: Shar
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
-    shift = None if found.shift is None else found.shift[body.frames]
-    information = attitude_information(own, body.attitude, body.points, shift)
+    shifts = None if found.shifts is None else found.shifts.frames(body.frames)
+    information = attitude_information(own, body.attitude, body.points, shifts)
     attitude_covariance[body.frames] = attitude_covariances(information, found.frame_variance)
     if errors is not None:
         attitude, index = attitude_series(body, len(time)), errors_in(found.path)

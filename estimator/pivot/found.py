@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.evidence import solved
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
@@ -55,8 +56,7 @@ class Pivot:
     regularisation: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step,
     in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
-    refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
-    variance; findings against the models.
+    refused as the labels belong to different points; shifts: of the n frames; findings against the models.
     """
 
     path: Path
@@ -79,7 +79,7 @@ class Pivot:
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
     last: LastStep
-    shift: FloatArray | None = None
+    shifts: FrameShifts | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -96,7 +96,7 @@ class Pivot:
     def problem(self) -> Linearised:
         """The least-squares problem linearised at the solution."""
         at = self.bodies, self.observations, self.sampled, self.solution.x
-        return linearised(*at, self.shift, self.offsets)
+        return linearised(*at, self.shifts, self.offsets)
 
     @cached_property
     def at_likeliest(self) -> Solution:
@@ -121,7 +121,7 @@ class Pivot:
         """What noise does to the attitudes of each body."""
         origin = self.sampled.position(self.solution.x)
         variance = max(self.frame_variance, self.residual_variance)  # of what is told, outliers may leave more
-        return noisy_attitudes(self.bodies, self.observations, origin, variance, self.shift)
+        return noisy_attitudes(self.bodies, self.observations, origin, variance, self.shifts)
 
     @cached_property
     def spurious(self) -> tuple[SpuriousInformation, ...]:
@@ -148,7 +148,7 @@ class Pivot:
         """The mean square of each body's errors of attitude over that expected, where it matters; 0 of a lost body."""
         if self.spurious_share < LOOKED_AT:
             return tuple(float(not lost) for lost in self.lost)
-        at = self.observations, self.time, self.frame_variance, self.shift
+        at = self.observations, self.time, self.frame_variance, self.shifts
         pairs = zip(self.bodies, self.lost, strict=True)
         return tuple(0.0 if lost else excess_noise(body, *at) for body, lost in pairs)
 
@@ -204,10 +204,10 @@ def noisy_attitudes(
     observations: Observations,
     origin: FloatArray,
     variance: float,
-    shift: FloatArray | None,
+    shifts: FrameShifts | None,
 ) -> tuple[NoisyAttitudes, ...]:
     """What noise does to the attitudes of each body; arguments as of `NoisyAttitudes.of`."""
-    return tuple(NoisyAttitudes.of(body, observations, origin, variance, shift) for body in bodies)
+    return tuple(NoisyAttitudes.of(body, observations, origin, variance, shifts) for body in bodies)
 
 
 def spurious_of_known(
@@ -215,8 +215,8 @@ def spurious_of_known(
     observations: Observations,
     origin: FloatArray,
     variance: float,
-    shift: FloatArray | None,
+    shifts: FrameShifts | None,
 ) -> list[FloatArray]:
     """The spurious information (3, 3) on each body's offset by the frames whose attitudes are known."""
-    noisy = noisy_attitudes(bodies, observations, origin, variance, shift)
+    noisy = noisy_attitudes(bodies, observations, origin, variance, shifts)
     return [one.of_known().spurious_information().likely for one in noisy]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -197,10 +198,10 @@ def gauss_newton_step(
     observations: Observations,
     path: SampledPath,
     x: FloatArray,
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
 ) -> Solution:
     """One Gauss–Newton step without a prior, see `linearised`."""
-    return linearised(bodies, observations, path, x, shift).step()
+    return linearised(bodies, observations, path, x, shifts).step()
 
 
 def linearised(
@@ -208,17 +209,17 @@ def linearised(
     observations: Observations,
     path: SampledPath,
     x: FloatArray,
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
     known: FloatArray | None = None,
 ) -> Linearised:
     """The problem linearised at x (p,) and points, after one Gauss–Newton step in the rotations at fixed x and points.
 
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
-    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1;
-    known (k, 3, 3): the information of a prior of mean zero on the offset of each body, in the weights' units.
+    shifts: of these; known (k, 3, 3): the information of a prior of mean zero on the offset of each body, in the
+    weights' units.
     """
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
-    frames = AllFrames(path, path.position(x), shift)
+    frames = AllFrames(path, path.position(x), shifts)
     for body in bodies:
         own, own_sums, own_squares = eliminated(body, observations.features(body.features), frames)
         turned.append(own)

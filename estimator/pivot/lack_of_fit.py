@@ -96,10 +96,10 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
     position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
     extended = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
-    shift = None if found.shift is None else found.shift[rows]
+    shifts = None if found.shifts is None else found.shifts.frames(rows)
     with_cubic, without = (
-        gauss_newton_step(subsample.bodies, few, extended, start, shift),
-        gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shift),
+        gauss_newton_step(subsample.bodies, few, extended, start, shifts),
+        gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shifts),
     )
     gain = (with_cubic.step - without.step) / found.variance
     if chdtrc(new.shape[2], max(gain, 0.0)) > SIGNIFICANCE or _is_poorly_observed(found):

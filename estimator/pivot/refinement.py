@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
 from baryscope.estimator.adjustment.evidence import held, improved
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
@@ -63,9 +64,10 @@ class _Refinement:
     hyperparameters are sought in their whole ranges, if there are several, as in the first round and in the last.
 
     Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
-    variance of a position that slips, m²; told: the variance for which shift (n, 3, 3), the frames' own, was told;
-    regularisation: what holds the offsets, and offsets (k, 3, 3) by which information; prior_only: the solution before
-    they were held against spurious information. Lost bodies are brought back once, and frames of few features once.
+    variance of a position that slips, m²; told: the variance of what all frames tell together, for which their shifts
+    were told; regularisation: what holds the offsets, and offsets (k, 3, 3) by which information; prior_only: the
+    solution before they were held against spurious information. Lost bodies are brought back once, and frames of few
+    features once.
 
     here: from where a step led, while it may be too long, and how often it was halved. Of the last step there are the
     problem, the solution, the variance `together` of what all frames tell for it, its cost, and its decrease, `last`;
@@ -84,7 +86,7 @@ class _Refinement:
         self.stereo = stereo_noise(start.measured, self._places(), options.noise)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
         self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
-        self.shift: FloatArray | None = None
+        self.shifts: FrameShifts | None = None
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.extended = False, False
@@ -118,10 +120,10 @@ class _Refinement:
             self.observations = self.stereo.moved_to(self._places(), self.observations.weight)
         sigma, lasting = self.options.sigma, self.lasting
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
-        self.shift = _shift(start.errors, self._origin(), self.slip, self.told)
+        self.shifts = _shifts(start.errors, self._origin(), self.slip, self.told, lasting)
         of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
         self.offsets = self.regularisation.information(of_frame, lasting)
-        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shift, self.offsets)
+        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shifts, self.offsets)
 
     def _leads_uphill(self, problem: Linearised) -> bool:
         """Whether the linearised problem did not hold as far as the last step went, which is then halved."""
@@ -245,7 +247,7 @@ class _Refinement:
         if abs(lasting - before) > LASTING_TOLERANCE * max(lasting, before):
             self.here = None
             return False
-        if self.shift is None or self.options.sigma is not None:
+        if self.shifts is None or self.options.sigma is not None:
             return True
         return abs(lasting * self.variance - self.told) <= SHIFT_TOLERANCE * self.told
 
@@ -292,7 +294,7 @@ class _Refinement:
             together,
             self.observations,
             self._origin(),
-            self.shift,
+            self.shifts,
             frame_variance=of_frame,
         )
         return Pivot(
@@ -305,7 +307,7 @@ class _Refinement:
             frame_variance=scale,
             residual_variance=self.variance,
             lasting=self.lasting,
-            shift=self.shift,
+            shifts=self.shifts,
             posterior=found,
             path_unknowns=self.path_unknowns,
             converged=self.converged,
@@ -343,11 +345,13 @@ class _Refinement:
 
     def _spurious(self) -> Sequence[FloatArray]:
         """The spurious information (3, 3) on each body's offset, in the weights' units."""
-        return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.shift)
+        return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.shifts)
 
 
-def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float) -> FloatArray | None:
-    """The covariance (n, 3, 3) of the frames' shifts, over a variance in m² or 1.
+def _shifts(
+    errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float, lasting: float
+) -> FrameShifts | None:
+    """The frames' shifts, where what all tell together has a variance in m² or 1, and errors last so many frames.
 
     They are due to noise of the camera's attitude and to slip, white noise of the position of this variance in m².
     """
@@ -355,4 +359,5 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, varianc
     if not (noisy or slip > 0) or not np.isfinite(variance):
         return None
     slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
-    return (slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)) / variance
+    covariance = slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)
+    return FrameShifts(lasting * covariance / variance, lasting)

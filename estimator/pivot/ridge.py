@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import held
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import RANK
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
@@ -117,16 +118,16 @@ class _SubsampledSolution:
     start: _Place
     observations: Observations
     path: SampledPath
-    shift: FloatArray | None
+    shifts: FrameShifts | None
 
     @classmethod
     def of(cls, found: Pivot, wide: _Directions) -> "_SubsampledSolution":
         """Those of a solution."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()
-        shift = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
+        shifts = None if found.shifts is None else found.shifts.frames(few.rows).averaged(count)
         path = found.sampled.frames_at(few.rows)
-        return cls(found, wide, _Place(few.bodies, found.solution.x), observations, path, shift)
+        return cls(found, wide, _Place(few.bodies, found.solution.x), observations, path, shifts)
 
     def departures(self, index: int) -> list[FloatArray]:
         """The departures (3 k + p,) from a tangent at the nodes on either side, where the ridge can be followed."""
@@ -163,7 +164,7 @@ class _SubsampledSolution:
         holding = HELD * variance * measures.T
         last: Step | None = None
         for step in range(MOST_STEPS):
-            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shift, found.known_offsets)
+            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shifts, found.known_offsets)
             precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
             there = replace(
                 problem,

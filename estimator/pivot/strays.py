@@ -36,7 +36,7 @@ def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -
             break
         known, bodies = np.where(found.observations.weight > 0, start.observations.weight, 0.0), []
         weight = known.copy()
-        astray = strays(found.bodies, found.observations, found.time, found.frame_variance, found.shift)
+        astray = strays(found.bodies, found.observations, found.time, found.frame_variance, found.shifts)
         for body, stray in zip(found.bodies, astray, strict=True):
             stray |= _rest_on_rejected(body, found.observations)
             stray &= (~stray).sum() >= MIN_FRAMES

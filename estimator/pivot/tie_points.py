@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -91,20 +92,20 @@ def tie_bodies(
     variance: float,
     observations: Observations,
     origin: FloatArray,
-    shift: FloatArray | None = None,
+    shifts: FrameShifts | None = None,
     frame_variance: float | None = None,
 ) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
     """The solution with tie points between bodies that share features, the tie points, and those refused.
 
     variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m;
-    shift (n, 3, 3): the covariance of the frames' shifts over the variance; frame_variance: as variance, in a frame by
+    shifts: of the frames; frame_variance: as variance, in a frame by
     itself, if errors last.
     """
     sharing = list(_sharing(solution))
     if not sharing or solution.null_space.shape[1]:
         return solution, (), ()
     alone = variance if frame_variance is None else frame_variance
-    noisy = (NoisyAttitudes.of(body, observations, origin, alone, shift) for body in solution.bodies)
+    noisy = (NoisyAttitudes.of(body, observations, origin, alone, shifts) for body in solution.bodies)
     known = [_spurious_share(solution, index, one) <= MAX_SPURIOUS for index, one in enumerate(noisy)]
     tied, refused, factors = [], [], _Factors.of(solution)
     compare = _Comparison(solution, factors, variance)

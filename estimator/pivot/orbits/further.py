@@ -37,6 +37,6 @@ class FurtherUnknowns:
         observations, count = few.standing_for_all()
         alone, added = found.sampled.frames_at(few.rows), columns(few.rows)
         path, at = alone.extended(added), np.concatenate([found.solution.x, np.zeros(added.shape[2])])
-        shift = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
-        problem = linearised(few.bodies, observations, path, at, shift, found.offsets)
+        shifts = None if found.shifts is None else found.shifts.frames(few.rows).averaged(count)
+        problem = linearised(few.bodies, observations, path, at, shifts, found.offsets)
         return cls(alone, path, scaled(problem, found.variance), at)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import (
     at_best_attitudes,
     attitude_covariances,
@@ -54,9 +55,10 @@ def test_attitudes_about_an_origin_that_shifts_are_as_good_as_their_information_
     attitude = np.broadcast_to(np.eye(3), (n, 3, 3))
     position = points + sigma * rng.normal(size=(n, 4, 3)) + rng.normal(size=(n, 1, 3)) @ slips
     precision = np.broadcast_to(np.eye(3), (n, 4, 3, 3)) if told else None
-    seen, shift = Observations(position, np.ones((n, 4)), precision), np.broadcast_to(slips**2 / sigma**2, (n, 3, 3))
-    found = log_rotation(at_best_attitudes(seen, attitude, np.zeros((n, 3)), points, shift)[0])
-    expected = sigma**2 * np.linalg.inv(attitude_information(seen, attitude, points, shift)[0])
+    seen = Observations(position, np.ones((n, 4)), precision)
+    shifts = FrameShifts(np.broadcast_to(slips**2 / sigma**2, (n, 3, 3)))
+    found = log_rotation(at_best_attitudes(seen, attitude, np.zeros((n, 3)), points, shifts)[0])
+    expected = sigma**2 * np.linalg.inv(attitude_information(seen, attitude, points, shifts)[0])
     scatter = found.T @ found / n
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     np.testing.assert_allclose(scatter / size, expected / size, rtol=0.0, atol=5 * np.sqrt(2 / n))

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.registration.body import Body
@@ -24,8 +25,8 @@ def test_both_ways_give_the_same_sums(shifted):
     body = Body(features, frames, points + 0.02 * rng.normal(size=(M, 3)), attitude[frames])
     simple = eliminated(body, Observations(position, weight), AllFrames(path, origin, None))
     unit = None if shifted else np.broadcast_to(np.eye(3), (N, M, 3, 3))
-    shift = np.zeros((N, 3, 3)) if shifted else None
-    general = eliminated(body, Observations(position, weight, unit), AllFrames(path, origin, shift))
+    shifts = FrameShifts(np.zeros((N, 3, 3))) if shifted else None
+    general = eliminated(body, Observations(position, weight, unit), AllFrames(path, origin, shifts))
     np.testing.assert_allclose(simple[0].attitude, general[0].attitude, atol=1e-12)
     if not shifted:  # else the residuals are those after a further step of the rotations
         np.testing.assert_allclose(simple[2], general[2], atol=1e-12)
@@ -43,6 +44,6 @@ def test_movements_of_frames_cost_nothing_where_they_explain_all():
         path = Polynomial(2, 0.0, 1.0).at(np.linspace(0.0, 1.0, N))
         origin = path.position(rng.normal(size=9))
         observations = Observations(origin[:, None] + points @ np.swapaxes(attitude, 1, 2), np.ones((N, M)))
-        shift = np.broadcast_to(1e18 * np.eye(3), (N, 3, 3))
-        _, sums, _ = eliminated(Body(features, frames, points, attitude), observations, AllFrames(path, origin, shift))
+        shifts = FrameShifts(np.broadcast_to(1e18 * np.eye(3), (N, 3, 3)))
+        _, sums, _ = eliminated(Body(features, frames, points, attitude), observations, AllFrames(path, origin, shifts))
         assert 0 <= sums.noise_cost < 1e-24

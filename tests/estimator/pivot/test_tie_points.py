@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -113,7 +114,8 @@ def test_bodies_are_tied_although_their_frames_are_shifted():
     observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [3, 4, 5, 6]], POINTS)
     rng, shift = np.random.default_rng(1), 0.07
     position = observations.position + shift * rng.normal(size=(24, 1, 3)) * (observations.weight[..., None] > 0)
-    observations, noise = replace(observations, position=position), np.tile((shift / FINE) ** 2 * np.eye(3), (24, 1, 1))
+    observations = replace(observations, position=position)
+    noise = FrameShifts(np.tile((shift / FINE) ** 2 * np.eye(3), (24, 1, 1)))
     x = X
     for _ in range(4):
         apart = gauss_newton_step(bodies, observations, sampled, x, noise)

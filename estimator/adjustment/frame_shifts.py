@@ -1,0 +1,37 @@
+"""Shifts of whole frames by noise of a known covariance, as that of a camera's attitude or of a pivot that slips."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameShifts:
+    """The shifts of n frames: each has one of its own.
+
+    covariance (n, 3, 3) in C, over the variance of an observation of weight 1 in a frame by itself. The errors of the
+    features are the same in so many frames, lasting: what all frames tell together has that many times their variance.
+    """
+
+    covariance: FloatArray
+    lasting: float = 1.0
+
+    def frames(self, index: IntArray | slice) -> "FrameShifts":
+        """Those of some frames."""
+        return replace(self, covariance=self.covariance[index])
+
+    def averaged(self, count: FloatArray) -> "FrameShifts":
+        """Those of frames that stand for so many each, (n,)."""
+        return replace(self, covariance=self.covariance / count[:, None, None])
+
+    def in_body(self, attitude: FloatArray) -> FloatArray:
+        """The covariance (n, 3, 3) in B of attitudes (n, 3, 3) R_C_B, for a frame by itself."""
+        return np.asarray(np.swapaxes(attitude, 1, 2) @ self.covariance @ attitude)
+
+    def among_all(self, attitude: FloatArray) -> FloatArray:
+        """The same in what all frames tell together."""
+        return self.in_body(attitude) / self.lasting
