@@ -5,13 +5,19 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of, parts_of
-from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
+from baryscope.estimator.dynamics.forces import ForcedPath
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, InexactOrbitPath, with_orbit_error
+from baryscope.estimator.orbits.error import (
+    NAMES,
+    ORBIT_ERROR,
+    InexactOrbitPath,
+    push_of_any_size,
+    with_orbit_error,
+)
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.refinement import refined
@@ -23,8 +29,8 @@ from baryscope.models.orbit import Orbit
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions) -> Pivot:
     """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise.
 
-    Unless a constant acceleration of three unknowns does so better than the six of an orbit: then the orbit is not to
-    blame, and where it would lead to is far from the path.
+    Unless a constant push does so better, of three unknowns in place of the six of an orbit, and of a size that is as
+    little known as that of the error: then the orbit is not to blame, and where it would lead to is far from the path.
     """
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
@@ -36,8 +42,8 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
     )
     if corrected is None or not corrected.has(ORBIT_ERROR):
         return found
-    constant = constant_of("lvlh", orbit, path.begin, path.end)
-    pushed = refined_on(ForcedPath(path.base, constant, path.begin, path.end), path, found, start, options)
+    push = ForcedPath(path.base, push_of_any_size(orbit, path.begin, path.end), path.begin, path.end)
+    pushed = refined_on(push, path, found, start, options)
     if pushed is None:
         return corrected
     variance = min(corrected.variance, pushed.variance)
