@@ -7,7 +7,6 @@ or in the body's; those of the camera's tell of its path, those of the body's of
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +53,7 @@ def _in_the_middle(body: Body) -> Body:
     more = len(body.frames) - MOST_FRAMES
     if more <= 0:
         return body
-    kept = slice(more // 2, more // 2 + MOST_FRAMES)
-    return replace(body, frames=body.frames[kept], attitude=body.attitude[kept])
+    return body.in_frames(slice(more // 2, more // 2 + MOST_FRAMES))
 
 
 def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:

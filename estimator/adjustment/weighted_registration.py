@@ -73,7 +73,7 @@ class _Fit:
 def _improved(body: Body, origin: FloatArray, own: Observations) -> _Fit:
     """The body with points about their centroid that fits its own observations best."""
     every = max(1, len(body.frames) // SHAPE_FRAMES)
-    few = replace(body, frames=body.frames[::every], attitude=body.attitude[::every])
+    few = body.in_frames(slice(None, None, every))
     some = own.frames(slice(None, None, every))
     shaped, there, _ = _adjusted(few, origin[::every], some)
     shaped, there = _likelier_poses(shaped, there, some)

@@ -41,7 +41,7 @@ def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -
             stray |= _rest_on_rejected(body, found.observations)
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
-            bodies.append(_in_frames(body, _is_begun_with(body, start) & ~stray))
+            bodies.append(body.in_frames(_is_begun_with(body, start) & ~stray))
         if np.array_equal(weight, known):
             break
         first = None if start.weight is None else np.where(weight > 0, start.weight, 0.0)
@@ -64,7 +64,3 @@ def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
 def _is_begun_with(body: Body, start: InitialSolution) -> BoolArray:
     """In which frames (n,) of a body there were observations from the start: those of two features join it later."""
     return np.asarray((start.observations.weight[np.ix_(body.frames, body.features)] > 0).any(axis=1))
-
-
-def _in_frames(body: Body, kept: BoolArray) -> Body:
-    return replace(body, frames=body.frames[kept], attitude=body.attitude[kept])

@@ -38,6 +38,10 @@ class Body:
         """The body with some (m,) of its features."""
         return replace(self, features=self.features[some], points=self.points[some])
 
+    def in_frames(self, some: BoolArray | slice) -> "Body":
+        """The body with some (n,) of its frames."""
+        return replace(self, frames=self.frames[some], attitude=self.attitude[some])
+
     def places(self, origin: FloatArray) -> FloatArray:
         """Where its features are in its frames, (n, m, 3) in C, m; origin (all frames, 3) in C: of its points."""
         found = self.points @ np.swapaxes(self.attitude, 1, 2)

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, held, maximise, solved
 from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
@@ -269,7 +270,9 @@ def burn_equations(
     """The equations beside a path without process noise.
 
     few: a subsample of the bodies, with times (n,) in s of its frames; found: a solution without burns, about whose
-    path the equations are linear, and whose offsets weigh the frames.
+    path the equations are linear, and whose offsets weigh the frames. Attitudes that stray from the rotation have no
+    equation: three features of which a rig hardly knows the depth have several poses that fit as well, and one at which
+    the body never was needs a burn to and fro, whatever its weight.
     """
     x = found.x[: base.size]
     n = int(np.clip(len(time) // FRAMES_PER_CELL, FEWEST_CELLS, MOST_CELLS))
@@ -278,20 +281,22 @@ def burn_equations(
     cells, smooth = _cells(base, orbit, edges, time), _smooth(orbit, edges)
     columns = np.concatenate([sampled.jacobian, cells @ smooth, cells], axis=2)
     offset = sampled.position(x) - sampled.jacobian @ x
+    distance = max(float(np.abs(origin).max()) for origin in registered.origins)
+    least = (ROUNDING * distance) ** 2
+    noise = max(registered.noise**2, least) if few.observations.precision is None else 1.0
+    kept = [~stray | stray.all() for stray in strays(few.bodies, few.observations, time, noise)]
+    few = replace(few, bodies=tuple(body.in_frames(own) for body, own in zip(few.bodies, kept, strict=True)))
     bodies, count, rows = few.bodies, len(few.bodies), []
     for index, (body, origin, step) in enumerate(zip(bodies, registered.origins, few.steps, strict=True)):
         own = np.zeros((len(body.frames), 3, 3 * count))
         own[:, :, 3 * index : 3 * index + 3] = body.attitude
-        left = (origin[::step] - offset[body.frames])[:, :, None]
+        left = (origin[::step][kept[index]] - offset[body.frames])[:, :, None]
         rows.append(np.concatenate([own, columns[body.frames], left], axis=2))
     frames, known = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(smooth.shape[1], BROAD**2))
     others = Prior.none(3 * count).joined(base.prior).joined(known)
-    distance = max(float(np.abs(origin).max()) for origin in registered.origins)
-    least = (ROUNDING * distance) ** 2
     both = zip(registered.bodies, found.bodies, strict=True)
     offsets = tuple(after.points.mean(axis=0) - before.like(after).points.mean(axis=0) for before, after in both)
     root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
-    noise = max(registered.noise**2, least) if few.observations.precision is None else 1.0
     equations = BurnEquations(few, all_rows, frames, root, time, edges, base, orbit, others, noise, least)
     return equations.weighted(offsets)
 

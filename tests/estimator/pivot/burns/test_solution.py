@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.document.document import document_of
 from baryscope.estimator.findings import EstimatedOrbit, UnknownBurn
@@ -119,6 +120,19 @@ def test_a_burn_after_which_no_frame_fits_the_path():
     found = estimate(made.tracks, orbit=ORBIT)
     assert found.status is Status.GOOD
     assert_found(found, (strong,))
+    assert nees(found, made.com).mean() < 12
+
+
+@pytest.mark.parametrize("orbit", [ORBIT, None])
+def test_no_burn_leads_to_and_from_an_attitude_that_strays(orbit):
+    """In two frames the features are turned about their centroid by 0.6 rad, as three are in a wrong pose that fits."""
+    made = case((LONG, SHORT))
+    position, wrong = made.tracks.position.copy(), [231, 236]
+    centre = position[wrong].mean(axis=1, keepdims=True)
+    position[wrong] = (position[wrong] - centre) @ Rotation.from_rotvec([0.2, -0.4, 0.4]).as_matrix() + centre
+    found = estimate(FeatureTracks(TIME, position, made.tracks.labels), orbit=orbit)
+    assert found.status is Status.GOOD
+    assert_found(found, (LONG, SHORT) if orbit is not None else in_C((LONG, SHORT)))
     assert nees(found, made.com).mean() < 12
 
 
