@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of, with_attitude
+from baryscope.estimator.adjustment.distances import contradict
 from baryscope.estimator.findings import (
     Departure,
     ExcessResiduals,
@@ -20,11 +21,14 @@ from baryscope.estimator.findings import (
     UnknownBurn,
     WrongSigma,
 )
-from baryscope.estimator.prediction import Widening, beyond
+from baryscope.estimator.geometry.symmetric import factor_of
+from baryscope.estimator.prediction import PredictedBody, PredictedPath, Widening, beyond
 from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import Cluster, Estimate, Motion, Status
+from baryscope.estimator.tracks import FeatureTracks, errors_of
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
 FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
@@ -34,10 +38,10 @@ SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
 BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 
 
-def claimed(result: Estimate) -> Estimate:
+def claimed(result: Estimate, tracks: FeatureTracks) -> Estimate:
     """The result with its departure, extrapolation and frames left out named, and as wide as its misfits show."""
     named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
-    named = replace(named, findings=named.findings + _extrapolated(named))
+    named = replace(named, findings=named.findings + _extrapolated(named, tracks))
     return widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
 
@@ -71,24 +75,48 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     return (FramesLeftOut(float(begin), float(end), int(run), float(np.median(shift))),)
 
 
-def _extrapolated(result: Estimate) -> tuple[Extrapolated, ...]:
-    """A finding if a path that is told is extrapolated so far that its law claims more than the tracks.
+def _extrapolated(result: Estimate, tracks: FeatureTracks) -> tuple[Extrapolated, ...]:
+    """A finding if a path is extrapolated where features contradict it, or so far that its law claims more than the
+    tracks.
 
     The law of a smooth path is what this shows where it is seen. Whether it holds beyond, as on an ellipse that nears
     its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have. A
     chaser that burns where it is seen may burn where it is not, of which the covariance knows nothing.
     """
     seen = with_attitude(result.used & ~result.rejected)
+    if result.covariance is None or not len(seen):
+        return ()
+    begin, end = result.time[seen[[0, -1]]]
+    if any(_contradicted(result, tracks, side) for side in (result.time < begin, result.time > end)):
+        return (Extrapolated(float(begin), float(end), contradicted=True),)
     told = result.observability is not None and result.observability.observable.all()
     lawful = result.path != SMOOTH and not any(isinstance(one, Departure | UnknownBurn) for one in result.findings)
-    if lawful or not told or not len(seen):
+    if lawful or not told:
         return ()
-    assert result.covariance is not None  # noqa: S101  what is told has one
-    begin, end = result.time[seen[[0, -1]]]
     variance = np.trace(result.covariance, axis1=1, axis2=2) + _of_burns_beyond(result, float(begin), float(end))
     if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
         return ()
     return (Extrapolated(float(begin), float(end)),)
+
+
+def _contradicted(result: Estimate, tracks: FeatureTracks, beyond: BoolArray) -> bool:
+    """Whether features contradict the path in some frames (n,) without an attitude."""
+    path = result.predictor.path if isinstance(result.predictor, PredictedBody) else result.predictor
+    frames = np.flatnonzero(beyond & tracks.seen.any(axis=1))
+    if not isinstance(path, PredictedPath) or not len(frames):
+        return False
+    origin, camera = result.position, errors_of(tracks)
+    arm = tracks.position[frames] - origin[frames, None]
+    variance = np.full(arm.shape[:2], result.noise.a_posteriori**2)
+    if tracks.covariance is not None:
+        along = arm / np.linalg.norm(arm, axis=2, keepdims=True)
+        variance *= np.einsum("kmi,kmij,kmj->km", along, tracks.covariance[frames], along)
+    errors = path.sampled(result.time[frames])[1][:, :3] @ factor_of(path.covariance)
+    if camera is not None:
+        errors = np.concatenate([errors, (camera.shifts(origin) * camera.deviations)[frames]], axis=2)
+        variance += np.trace(camera.shift_covariance(origin), axis1=1, axis2=2)[frames, None]
+    outliers = (result.rejected.sum() + 1) / (result.used.sum() + 2)
+    return contradict(arm, result.noise.lasting * variance, errors, float(outliers))
 
 
 def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:

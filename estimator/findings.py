@@ -121,10 +121,14 @@ class FollowsRotation:
 
 @dataclass(frozen=True)
 class Extrapolated:
-    """Attitudes are seen from begin to end, in s, only: before or after, a smooth path is extrapolated far."""
+    """Attitudes are seen from begin to end, in s, only: before or after, the path is extrapolated far.
+
+    contradicted: whether features that are seen there do not stay at their distances from it.
+    """
 
     begin: float
     end: float
+    contradicted: bool = False
 
 
 @dataclass(frozen=True)

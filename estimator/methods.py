@@ -53,7 +53,7 @@ class Method:
             return self.run(own, orbit, told, progress)
 
         found = with_noise_as_shown(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
-        found = claimed(considered(found, tracks))
+        found = claimed(considered(found, tracks), tracks)
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))
 

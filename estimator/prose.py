@@ -79,9 +79,14 @@ def sentence(finding: Finding) -> str:
                 f"{100 * min(finding.share, 1.0):.0f} %; the method ml has less freedom"
             )
         case Extrapolated():
+            what = (
+                "and features that are seen there contradict it"
+                if finding.contradicted
+                else "which nothing checks without an orbit that has all forces"
+            )
             return (
                 f"attitudes are seen from {finding.begin:.1f} to {finding.end:.1f} s only: beyond, the path is "
-                "extrapolated, which nothing checks without an orbit that has all forces"
+                f"extrapolated, {what}"
             )
         case Departure():
             return (

@@ -143,6 +143,7 @@ class FindingPart(Part):
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")
     end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
+    contradicted: bool | None = Field(None, description="extrapolated: whether features seen there contradict it")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
     axes: Literal["lvlh", "inertial"] | None = Field(None, description="unknown-burn: axes of change")

@@ -9,6 +9,7 @@ from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
+from baryscope.estimator.tracks import FeatureTracks
 from oracles import inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
 
@@ -23,6 +24,21 @@ def tracks_of(com, seen):
     tumbling = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
     clusters = [(*seen, list(range(8)))]
     return make_case(TIME, tumbling, com, box_features(8, (10, 4, 4), 1), noise=0.02, clusters=clusters, seed=3).tracks
+
+
+def with_new_names(com):
+    """Tracks whose features are seen from SEEN[0] on; before, three of them at a time, for three frames, under names
+    that they have there only.
+    """
+    R, points = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME), box_features(8, (10, 4, 4), 1)
+    whole = make_case(TIME, R, com, points, noise=0.02, seed=3).tracks
+    position = np.full((len(TIME), 8 + 120, 3), np.nan)
+    position[SEEN[0] <= TIME, :8] = whole.position[SEEN[0] <= TIME]
+    for group in range(40):
+        frames = np.arange(3 * group, 3 * group + 3)
+        for k in range(3):
+            position[frames, 8 + 3 * group + k] = whole.position[frames, (group + 3 * k) % 8]
+    return FeatureTracks(TIME, position, tuple(f"F{index}" for index in range(8 + 120)))
 
 
 def of_orbit():
@@ -71,6 +87,22 @@ def test_a_path_in_view_or_of_a_model_is_not():
     assert findings(tracks_of(com, (0.0, 6000.0)))[1] == []
     assert findings(tracks_of(com, SEEN), orbit=ORBIT.model())[1] == []
     assert findings(tracks_of(com, SEEN), options=PathOptions(trajectory="polynomial:8"))[1] == []
+
+
+def test_features_that_belong_to_no_body_contradict_a_path():
+    """A burn before all attitudes: metres off at the first time, beyond what is claimed. The features seen there are
+    tied to none, but a point of the body keeps its distance from the centre of mass.
+    """
+    com = with_kicks([(1200.0, np.array([1e-3, 2e-3, -1e-3]))])
+    found, (finding,) = findings(with_new_names(com), orbit=ORBIT.model())
+    error = found.position[0] - com[0]
+    assert np.linalg.norm(error) > 2.0
+    assert error @ np.linalg.solve(found.covariance[0], error) > 16.3  # of three degrees of freedom, in a thousandth
+    assert finding == Extrapolated(SEEN[0], TIME[-1], contradicted=True)
+    assert found.status is Status.NOT_CHECKED
+    found, none = findings(with_new_names(with_kicks([])), orbit=ORBIT.model())
+    assert none == []
+    assert found.status is Status.GOOD
 
 
 def test_a_path_at_rest_is_as_well_known_beyond():

@@ -84,6 +84,11 @@ def test_verdict_names_a_skew_axis():
             "without an orbit that has all forces",
         ),
         (
+            Extrapolated(26.14, 40.7, contradicted=True),
+            "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, and features that are seen "
+            "there contradict it",
+        ),
+        (
             FramesLeftOut(3.0, 15.5, 13, 0.456),
             "nothing fits from 3.0 to 15.5 s: all 13 frames there are left out, off by 0.46 m",
         ),
