@@ -129,14 +129,16 @@ def make_case(
 
 
 def rig_tracks(
-    time: FloatArray, R_I_B: FloatArray, com: FloatArray, features: FloatArray, *, seed: int
+    time: FloatArray, R_I_B: FloatArray, com: FloatArray, features: FloatArray, *, seed: int, baseline: float = 1.0
 ) -> FeatureTracks:
-    """Tracks of baryscope's own rig of reference at the chaser (1911 px, 1 m, 0.5 px), which looks at the target."""
+    """Tracks of baryscope's own rig of reference at the chaser (1911 px, 0.5 px), of a baseline in m, which looks at
+    the target.
+    """
     from baryscope.models.scenario import StereoRig
     from baryscope.models.sensor.directions import axes_along
     from baryscope.models.stereo import project, triangulate
 
-    rig, axes = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5), axes_along(com)
+    rig, axes = StereoRig(focal_length=1911.0, baseline=baseline, pixel_noise=0.5), axes_along(com)
     pixels = project(rig, axes, make_case(time, R_I_B, com, features).tracks.position)
     pixels = pixels + rig.pixel_noise * np.random.default_rng(seed).standard_normal(pixels.shape)
     position, covariance = triangulate(rig, axes, pixels)

@@ -1,4 +1,4 @@
-"""Bodies and features of which all that they show is rejected: a path has lost them, or their labels are wrong."""
+"""Bodies and features of which all is rejected: a path has lost them, or their labels are wrong."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -13,12 +13,11 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
-from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.process_noise import enriched
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.few_features import with_few_features
+from baryscope.estimator.pivot.few_features import with_few_features, with_found_attitudes
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
@@ -66,8 +65,8 @@ class _Refinement:
     Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
     variance of a position that slips, m²; told: the variance of what all frames tell together, for which their shifts
     were told; regularisation: what holds the offsets, and offsets (k, 3, 3) by which information; prior_only: the
-    solution before they were held against spurious information. Lost bodies are brought back once, and frames of few
-    features once.
+    solution before they were held against spurious information. Lost bodies are brought back once, and so are lost
+    attitudes (posed) and frames of few features.
 
     here: from where a step led, while it may be too long, and how often it was halved. Of the last step there are the
     problem, the solution, the variance `together` of what all frames tell for it, its cost, and its decrease, `last`;
@@ -89,7 +88,7 @@ class _Refinement:
         self.shifts: FrameShifts | None = None
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
-        self.brought_back, self.extended = False, False
+        self.brought_back, self.posed, self.extended = False, False, False
         self.here: StepStart | None = None
         self.halvings, self.rounds, self.most, self.converged = 0, 0, MAX_ROUNDS, False
         self.last: LastStep | None = None
@@ -120,7 +119,7 @@ class _Refinement:
             self.observations = self.stereo.moved_to(self._places(), self.observations.weight)
         sigma, lasting = self.options.sigma, self.lasting
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
-        self.shifts = _shifts(start.errors, self._origin(), self.slip, self.told, lasting)
+        self.shifts = FrameShifts.of(start.errors, self._origin(), self.slip, self.told, lasting)
         of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
         self.offsets = self.regularisation.information(of_frame, lasting)
         return linearised(self.bodies, self.observations, self.sampled, self.x, self.shifts, self.offsets)
@@ -182,6 +181,7 @@ class _Refinement:
         if self.rounds == self.most:
             return True
         joins = not self.brought_back and self._bring_back_bodies()
+        joins = joins or (not self.posed and self._find_attitudes())
         joins = joins or (not self.extended and self._add_few_features()) or self._enrich_path()
         changed = joins or self._leave_untold_features()
         if changed:
@@ -197,6 +197,12 @@ class _Refinement:
         self.brought_back = near is not None
         self.extended = self.extended and not self.brought_back  # its frames of two features may join at the path
         return self._take(near)
+
+    def _find_attitudes(self) -> bool:
+        """Whether frames of which some is rejected fit the path clearly better with attitudes that they then have."""
+        self.posed = True
+        at = self.bodies, self.observations.weight, self.start.measured, self._origin(), self.least
+        return self._take(with_found_attitudes(*at))
 
     def _add_few_features(self) -> bool:
         """Whether frames that show two features join a body."""
@@ -346,18 +352,3 @@ class _Refinement:
     def _spurious(self) -> Sequence[FloatArray]:
         """The spurious information (3, 3) on each body's offset, in the weights' units."""
         return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.shifts)
-
-
-def _shifts(
-    errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float, lasting: float
-) -> FrameShifts | None:
-    """The frames' shifts, where what all tell together has a variance in m² or 1, and errors last so many frames.
-
-    They are due to noise of the camera's attitude and to slip, white noise of the position of this variance in m².
-    """
-    noisy = errors is not None and errors.noisy
-    if not (noisy or slip > 0) or not np.isfinite(variance):
-        return None
-    slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
-    covariance = slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)
-    return FrameShifts(lasting * covariance / variance, lasting)
