@@ -125,14 +125,24 @@ static void by_matrix(double A[PATH_AND_MAP][PATH_AND_MAP], const double x[PATH_
     }
 }
 
-/* A = T N^-1 T of symmetric T and N, N by its Cholesky factor. */
-static void wrapped(const double N[PATH_AND_MAP * PATH_AND_MAP], double T[PATH_AND_MAP][PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
-    for (int i = 0; i < PATH_AND_MAP; i++) {
-        double row[PATH_AND_MAP];
-        for (int k = 0; k < PATH_AND_MAP; k++) row[k] = T[i][k];
-        solved(PATH_AND_MAP, N, row);
-        by_matrix(T, row, A[i]);
-    }
+/* A = L'^-1 T L^-1 of a symmetric T and a symmetric N by its Cholesky factor L: N^-1, but as many times wider as T says. So in no
+   direction it is wider by more than that, as T N^-1 T for the root of T would be: where one direction is known to millimetres,
+   another to metres, that makes metres of millimetres. */
+static void widened(const double N[PATH_AND_MAP * PATH_AND_MAP], double T[PATH_AND_MAP][PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
+    double K[PATH_AND_MAP * PATH_AND_MAP], B[PATH_AND_MAP][PATH_AND_MAP];
+    for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) K[k] = N[k];
+    invert_triangle(K);
+    for (int i = 0; i < PATH_AND_MAP; i++)
+        for (int j = 0; j < PATH_AND_MAP; j++) {
+            B[i][j] = 0.0;
+            for (int k = j; k < PATH_AND_MAP; k++) B[i][j] += T[i][k] * K[PATH_AND_MAP * k + j];
+        }
+    for (int i = 0; i < PATH_AND_MAP; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int k = i; k < PATH_AND_MAP; k++) sum += K[PATH_AND_MAP * k + i] * B[k][j];
+            A[i][j] = A[j][i] = sum;
+        }
 }
 
 /* The scale comes first, as nothing but the large filter knows it: what members know of the others they know for a scale. */
@@ -144,7 +154,7 @@ static int ordered(int a) { return (a + SCALE) % PATH_AND_MAP; }
    The large filter knows what its shadow does, and more, as that sees of each node but the centre of mass. This rest is true of
    the mixture, too: the shadow's information is taken from the large filter's, and the mixture's is put in its place. All is in
    units of the shadow's deviations S, where its covariance is 1, the mixture's D = U d U' and the large filter's V = W v W':
-   the answer's is (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, v > 1, there is no rest, and deviations
+   the answer's is (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, v > 1, there is no rest, and variances
    are as many times wider, T. Where the mixture knows less than the shadow, d > 1, as after a jump, the large filter's covariance
    grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
 static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
@@ -174,7 +184,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
     for (int k = 0; k < PATH_AND_MAP; k++) {
         double d = fmax(D[k][k], DEFINITE), v = fmax(V[k][k], DEFINITE);
         known[k] = 1.0 / fmin(d, 1.0), inverse[k] = 1.0 / d, growth[k] = fmax(d - 1.0, 0.0);
-        rest[k] = fmax(1.0 / v - 1.0, 0.0), wider[k] = fmax(sqrt(v), 1.0);
+        rest[k] = fmax(1.0 / v - 1.0, 0.0), wider[k] = fmax(v, 1.0);
     }
     with_values(U, known, D), with_values(W, rest, V);
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) N[k] = D[k / PATH_AND_MAP][k % PATH_AND_MAP] + V[k / PATH_AND_MAP][k % PATH_AND_MAP];
@@ -186,7 +196,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
     by_matrix(G, pull, off);
     for (int a = 0; a < PATH_AND_MAP; a++) step[a] += off[a];
     by_triangle(S, step, off);
-    wrapped(N, T, D);
+    widened(N, T, D);
     congruent(S, D), congruent(S, G);
     for (int a = 0; a < PATH_AND_MAP; a++) {
         before[a] = shadow->x[a] - large->x[a] + x[a];
