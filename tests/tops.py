@@ -7,6 +7,8 @@ has another path. Nothing of it is shared with the filter.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.online import Thrust
+
 SIGMA = 0.02  # m
 POINTS = np.array(
     [
@@ -51,6 +53,57 @@ def straight(time):
 
 def run(filter, time, seen, **more):
     return [filter.update(float(t), frame, **more) for t, frame in zip(time, seen, strict=True)]
+
+
+def beside_the_target(time):
+    """The path (n, 3) of a target from a chaser that comes to 8 m and turns with it, and its accelerations (n - 1, 3).
+
+    From 130 s on the chaser is steered to a point of the target by what is true; each acceleration is constant from
+    one frame to the next, at most 0.05 m/s².
+    """
+    goal = attitudes(np.append(time, time[-1] + 1)) @ [-7.0, -3.0, -2.5]
+    path, speed, accelerations = [START], DRIFT, []
+    for k in range(1, len(time)):
+        off, force = path[-1] - goal[k], np.zeros(3)
+        if time[k] > 130:
+            wanted = (goal[k + 1] - goal[k - 1]) / 2 - 0.05 * off / max(1.0, np.linalg.norm(off) / 2)
+            force = goal[k + 1] - 2 * goal[k] + goal[k - 1] + 0.15 * (wanted - speed)
+        accelerations.append(force * min(1.0, 0.05 / max(np.linalg.norm(force), 1e-9)))
+        path.append(path[-1] + speed + accelerations[-1] / 2)
+        speed = speed + accelerations[-1]
+    return np.array(path), np.array(accelerations)
+
+
+def seen_by_a_rig(rng, places):
+    """Places (n, m, 3), with the noise of a pair of cameras, and its covariances: depth is told by its square."""
+    far = np.linalg.norm(places, axis=-1)[..., None, None]
+    sight = places[..., None] / far
+    along, across = sight @ np.swapaxes(sight, -1, -2), far / 5400  # 0.5 px, f = 1911 px, 1 m apart
+    covariances = across**2 * (np.eye(3) - along) + (far**2 / 2700) ** 2 * along
+    noise = np.einsum("...ij,...j", np.linalg.cholesky(covariances), rng.standard_normal(places.shape))
+    return places + noise, covariances
+
+
+def flown_beside(rng, filter, wrong):
+    """A flight of 700 s beside the target, seen by a rig, on thrusters that are wrong: the states, and the path (n, 3).
+
+    The filter is told of accelerations that make the true ones on these thrusters. wrong: a scale, and a rotation
+    vector in axes of the camera, (4,), or (699, 4) from frame to frame.
+    """
+    time, wrong = np.arange(700.0), np.broadcast_to(wrong, (699, 4)).copy()
+    path, accelerations = beside_the_target(time)
+    z = path / np.linalg.norm(path, axis=1)[:, None]
+    x = np.cross(z, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(z, [0.0, 0.0, 1.0]), axis=1)[:, None]
+    axes = np.stack([x, np.cross(z, x), z], axis=2)  # of the camera, in which thrusters are fixed
+    of_camera = Rotation.from_matrix(axes[:-1])
+    told = -(of_camera * Rotation.from_rotvec(wrong[:, 1:]).inv() * of_camera.inv()).apply(accelerations)
+    told /= 1 + wrong[:, :1]
+    seen, covariances = seen_by_a_rig(rng, path[:, None] + POINTS @ np.swapaxes(attitudes(time), 1, 2))
+    states = [filter.update(0.0, seen[0], covariance=covariances[0])]
+    for k in range(1, len(time)):
+        thrust = Thrust(told[k - 1], axes[k - 1])
+        states.append(filter.update(time[k], seen[k], covariance=covariances[k], acceleration=thrust))
+    return states, path
 
 
 def errors(states, path):

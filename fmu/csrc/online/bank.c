@@ -5,20 +5,21 @@ Some take it for straight, or the orbit that is told, with white acceleration of
 the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
 their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
 an acceleration in a random walk, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
-(posterior.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
+(posterior.c). Others take thrusters for changing (wander.c), and further ones have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
 d being what the map's offset is wrong by, and s its size: where depths are far less precise than directions, as a stereo rig's
 are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
 
 /* What a member takes the path for: densities of white acceleration, m2/s3, and of white jerk, m2/s5, and the deviation of
-   an acceleration at first, m/s2. */
+   an acceleration at first, m/s2; and by how much of the told variance thrusters change, 1/s. */
 typedef struct {
-    double white, jerk, bend;
+    double white, jerk, bend, wander;
 } ProcessNoise;
 
 #define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
 #define BENT_ODDS (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
+#define WANDER_ODDS BENT_ODDS /* that thrusters change, by one size */
 /* Where no orbit is told there is one, most likely, and gravity bends the path from the chaser by up to 3 n2 r, in m/s2: 1e-7
    6 m away in a geostationary orbit, 1e-4 30 m away in a low one. The eight members of such sizes are as likely as the other sixteen. */
 #define LEAST_OF_GRAVITY 0.5e-7
@@ -42,11 +43,22 @@ static const double DENSITY[DENSITIES] = {1e-16, 3.1622776601683794e-15, 1e-13, 
 static const double ACCELERATION[ACCELERATIONS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
 static const double WALK_TIME[WALKS] = {1000.0, 30.0};
 
-static ProcessNoise process_noise_of(int steady) {
-    if (steady < DENSITIES) return (ProcessNoise){.white = DENSITY[steady]};
-    double bend = ACCELERATION[(steady - DENSITIES) % ACCELERATIONS];
-    return (ProcessNoise){.white = DENSITY[0], .jerk = bend * bend / WALK_TIME[(steady - DENSITIES) / ACCELERATIONS], .bend = bend};
+/* By how much of what is told of them thrusters change in 1000 s, from what the pushes of a flight hardly show on. */
+static const double WANDER[WANDERS] = {1e-3, 1e-2, 1e-1, 1.0, 10.0};
+
+static ProcessNoise process_noise_of(int kind) {
+    if (kind < DENSITIES) return (ProcessNoise){.white = DENSITY[kind]};
+    if (kind >= STEADY) return (ProcessNoise){.white = DENSITY[0], .wander = WANDER[kind - STEADY] * WANDER[kind - STEADY] / 1000.0};
+    double bend = ACCELERATION[(kind - DENSITIES) % ACCELERATIONS];
+    return (ProcessNoise){.white = DENSITY[0], .jerk = bend * bend / WALK_TIME[(kind - DENSITIES) / ACCELERATIONS], .bend = bend};
 }
+
+/* The kind of process noise of a member without a jump, and the other way round. */
+static int kind_of(const Online *filter, int m) {
+    return filter->options.on_orbit != 0.0 && m >= ON_ORBIT ? m - ON_ORBIT + STEADY : m;
+}
+
+static int member_of(const Online *filter, int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
 
 /* White jerk over T s: of (r, v) and the acceleration. */
 static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
@@ -144,13 +156,15 @@ static PackedMember going_on(const PackedMember *from, int steady) {
 }
 
 /* How many members without a jump there are. */
-static int count_of(const Online *filter) { return filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY; }
+static int count_of(const Online *filter) {
+    return filter->options.on_orbit == 0.0 ? STEADY : filter->manoeuvred != 0.0 ? ON_ORBIT + WANDERS : ON_ORBIT;
+}
 
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
     double bend = process_noise_of(m).bend;
-    if (filter->options.on_orbit != 0.0) return bend > 0.0 ? BENT_ODDS : 0.0;
+    if (filter->options.on_orbit != 0.0) return m >= ON_ORBIT ? WANDER_ODDS : bend > 0.0 ? BENT_ODDS : 0.0;
     return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
 }
 
@@ -173,7 +187,7 @@ static void start_bank(Online *filter) {
     pack_member(&large, &first);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
-        filter->bank[m] = going_on(&first, m < STEADY ? m : 0);
+        filter->bank[m] = going_on(&first, m < STEADY ? kind_of(filter, m) : 0);
         filter->bank[m].weight = weight;
     }
     filter->bank[SHADOW] = first;
@@ -224,6 +238,14 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     }
     add_noise(noise.white, T, &member->P[0][0], ERRORS);
     if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
+    for (int k = THRUST; k < n; k++) member->P[k][k] += noise.wander * T;
+}
+
+/* The process noise of a member. */
+static ProcessNoise noise_of(const OnlineOptions *options, const Member *member) {
+    ProcessNoise noise = process_noise_of((int)member->steady);
+    noise.wander *= options->thrust * options->thrust;
+    return noise;
 }
 
 /* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each transition. */
@@ -241,7 +263,7 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
         if (!is_alive(&bank[m])) continue;
         unpack_member(&bank[m], &member);
         if (m == SHADOW) advance_large(filter, &member, transition);
-        else advance_member(&member, process_noise_of((int)member.steady), transition);
+        else advance_member(&member, noise_of(&filter->options, &member), transition);
         pack_member(&member, &bank[m]);
     }
 }

@@ -122,7 +122,7 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
         for (int b = 0; b < n; b++) own.P[a][b] = posterior->own[a][b], wider.P[a][b] = posterior->wider[a][b];
     }
     advance_member(&own, (ProcessNoise){.white = posterior->white}, transition);
-    advance_member(&wider, (ProcessNoise){.jerk = posterior->jerk}, transition);
+    advance_member(&wider, (ProcessNoise){.jerk = posterior->jerk, .wander = posterior->wander}, transition);
     for (int a = 0; a < n; a++) {
         posterior->x[a] = wider.x[a];
         for (int b = 0; b < n; b++) posterior->own[a][b] = own.P[a][b], posterior->wider[a][b] = wider.P[a][b];

@@ -38,17 +38,19 @@ static void adopt(Online *filter) {
     const PackedMember from = filter->bank[best];
     if (best < STEADY || filter->jump[best - STEADY].pending != 0.0) return;
     const double *before = filter->jump[best - STEADY].before;
+    const int steady = member_of(filter, (int)from.steady);
     for (int m = 0; m < count_of(filter); m++) {
         if (filter->bank[m].weight > from.weight + JUMP) continue;
-        filter->bank[m] = going_on(&from, m);
-        filter->bank[m].weight = from.weight + fmax(before[m] - before[(int)from.steady], UNLIKELY);
-        if (m == (int)from.steady) filter->bank[best].weight = -INFINITY;
+        filter->bank[m] = going_on(&from, kind_of(filter, m));
+        filter->bank[m].weight = from.weight + fmax(before[m] - before[steady], UNLIKELY);
+        if (m == steady) filter->bank[best].weight = -INFINITY;
     }
 }
 
 /* Of the members from `begin` to `end`, without a jump: one far less likely than the best of them goes on from that, so that no
    evidence is older than it has to be; nor are all of them against the rest of the bank. */
-static void refresh(PackedMember bank[MEMBERS], int begin, int end, double highest) {
+static void refresh(Online *filter, int begin, int end, double highest) {
+    PackedMember *bank = filter->bank;
     int best = begin;
     for (int m = begin; m < end; m++)
         if (bank[m].weight > bank[best].weight) best = m;
@@ -56,7 +58,7 @@ static void refresh(PackedMember bank[MEMBERS], int begin, int end, double highe
     double lift = fmax(highest + UNLIKELY - first.weight, 0.0);
     for (int m = begin; m < end; m++) {
         double weight = fmax(bank[m].weight, first.weight + UNLIKELY);
-        if (weight > bank[m].weight) bank[m] = going_on(&first, m);
+        if (weight > bank[m].weight) bank[m] = going_on(&first, kind_of(filter, m));
         bank[m].weight = weight + lift;
     }
 }
@@ -65,15 +67,17 @@ static void refresh(PackedMember bank[MEMBERS], int begin, int end, double highe
    than the best ends. */
 static void weigh_members(Online *filter) {
     double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0;
-    refresh(filter->bank, 0, DENSITIES, highest);
-    refresh(filter->bank, DENSITIES, count_of(filter), highest);
+    const int count = count_of(filter), bent = filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY;
+    refresh(filter, 0, DENSITIES, highest);
+    refresh(filter, DENSITIES, bent, highest);
+    if (count > bent) refresh(filter, bent, count, highest);
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
         member->weight -= highest;
         double w = exp(member->weight);
-        if (!is_bending(member)) sum += w, mean += w * member->steady;
+        if (!is_bending(member)) sum += w, mean += member->steady < DENSITIES ? w * member->steady : 0.0;
     }
     filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
 }

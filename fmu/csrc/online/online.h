@@ -43,6 +43,7 @@ enum {
     WALKS = 2, /* spans in which a random walk makes another of it */
     STEADY = DENSITIES + ACCELERATIONS * WALKS,
     ON_ORBIT = DENSITIES + 4, /* of them where an orbit is given, from which a path departs little */
+    WANDERS = 5, /* sizes by which thrusters change: kinds after STEADY, of members after ON_ORBIT once the chaser has manoeuvred on an orbit */
     JUMPS = 4, /* members at most that have jumped */
     MEMBERS = STEADY + JUMPS,
     SHADOW = MEMBERS,
@@ -127,7 +128,7 @@ typedef struct {
 typedef struct {
     double errors; /* PATH_AND_MAP, MOTION or ERRORS; others are 0 */
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
-    double steady; /* the member without a jump that has its process noise */
+    double steady; /* the kind of its process noise, which is that of a member without a jump */
     double x[ERRORS];
     double P[ERRORS][ERRORS];
 } Member;
@@ -170,7 +171,7 @@ typedef struct {
 typedef struct {
     double errors; /* MOTION or ERRORS; others are 0 */
     double x[ERRORS], own[ERRORS][ERRORS], wider[ERRORS][ERRORS];
-    double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
+    double white, jerk, wander; /* densities of white acceleration and jerk, m2/s3, m2/s5, and by how much the variance of thrusters grows, 1/s */
     double seems;       /* what was taken back as noise, over what is known of the offset */
 } Posterior;
 

@@ -57,7 +57,7 @@ static int update_again(Online *filter, const StoredNode *stored, Measurement *m
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        advance_member(&member, process_noise_of((int)member.steady), &stored->transition);
+        advance_member(&member, noise_of(&filter->options, &member), &stored->transition);
         pack_member(&member, &filter->bank[m]);
     }
     seeming(measurement->offset, measurement->turn, measurement->noise, M);
@@ -97,7 +97,7 @@ static int take_again(Online *filter) {
     for (int j = 0; j < JUMPS; j++) jumps[j] = filter->jump[j];
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];
-        filter->bank[m] = going_on(&filter->first, m < STEADY ? m : 0);
+        filter->bank[m] = going_on(&filter->first, m < STEADY ? kind_of(filter, m) : 0);
         filter->bank[m].weight = first_weight(filter, m);
     }
     for (int k = 0; k < count && sound; k++) {

@@ -102,20 +102,6 @@ static void begin_thrust(const OnlineOptions *options, Posterior *posterior) {
     for (int a = THRUST; a < ERRORS; a++) posterior->wider[a][a] = options->thrust * options->thrust;
 }
 
-/* A first manoeuvre: from now on it matters what thrusters are wrong by. */
-static void heed_thrust(Online *filter) {
-    const double variance = filter->options.thrust * filter->options.thrust;
-    if (!(variance > 0.0) || filter->manoeuvred != 0.0) return;
-    filter->manoeuvred = 1.0;
-    begin_thrust(&filter->options, &filter->posterior);
-    for (int a = 0; a < OF_THRUST; a++) filter->of_thrust[a][a] = variance;
-    for (int m = 0; m <= SHADOW + 1; m++) {
-        PackedMember *member = m > SHADOW ? &filter->first : &filter->bank[m];
-        member->errors = ERRORS;
-        for (int a = THRUST; a < ERRORS; a++) member->P[packed_index(a, a)] = variance;
-    }
-}
-
 /* Of (r, v, offset, scale) other things are known, x and P, than what the bank said, `before` and S: so are they of the thrusters,
    whose regression on these stays. */
 static void follow_path_and_map(const double before[PATH_AND_MAP], double S[PATH_AND_MAP][PATH_AND_MAP], double x[ERRORS], double P[ERRORS][ERRORS]) {
@@ -212,7 +198,7 @@ static double all_graded(const Member *member, double variance, double factor, d
 static void grade(const OnlineOptions *options, double factor, PackedMember *one) {
     double mean[OF_THRUST], M[OF_THRUST][OF_THRUST], before[ERRORS][OF_THRUST];
     Member member;
-    if (one->errors != ERRORS) return;
+    if (one->errors != ERRORS || one->steady >= STEADY) return;
     unpack_member(one, &member);
     member.weight += all_graded(&member, options->thrust * options->thrust, factor, mean, M);
     for (int i = 0; i < ERRORS; i++)

@@ -44,6 +44,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "registration.c"
 #include "thrust.c"
 #include "bank.c"
+#include "wander.c"
 #include "curve.c"
 #include "filter.c"
 #include "measurement.c"

@@ -14,7 +14,7 @@ from baryscope.estimator.online.core import sources
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 from compiling import library_of
-from tops import DRIFT, POINTS, SIGMA, START, attitudes, run, straight, tracks, two_sides
+from tops import DRIFT, SIGMA, START, attitudes, flown_beside, run, straight, tracks, two_sides
 
 ACCELERATION = np.array([2e-3, -1e-3, 5e-4])  # m/s²
 ORBIT = Orbit(7.2e6, 0.1, 1.7, 2.0, 1.5, 0.4)
@@ -160,58 +160,18 @@ def test_what_a_burn_did_follows_what_a_later_one_tells_of_the_thrusters(density
     assert of_thrust.mean() < chi2.ppf(0.999, 4 * len(nees)) / len(nees)
 
 
-def beside_the_target(time):
-    """The path (n, 3) of a target from a chaser that comes to 8 m and turns with it, and its accelerations (n - 1, 3).
-
-    From 130 s on the chaser is steered to a point of the target by what is true; each acceleration is constant from
-    one frame to the next, at most 0.05 m/s².
-    """
-    goal = attitudes(np.append(time, time[-1] + 1)) @ [-7.0, -3.0, -2.5]
-    path, speed, accelerations = [START], DRIFT, []
-    for k in range(1, len(time)):
-        off, force = path[-1] - goal[k], np.zeros(3)
-        if time[k] > 130:
-            wanted = (goal[k + 1] - goal[k - 1]) / 2 - 0.05 * off / max(1.0, np.linalg.norm(off) / 2)
-            force = goal[k + 1] - 2 * goal[k] + goal[k - 1] + 0.15 * (wanted - speed)
-        accelerations.append(force * min(1.0, 0.05 / max(np.linalg.norm(force), 1e-9)))
-        path.append(path[-1] + speed + accelerations[-1] / 2)
-        speed = speed + accelerations[-1]
-    return np.array(path), np.array(accelerations)
-
-
-def seen_by_a_rig(rng, places):
-    """Places (n, m, 3), with the noise of a pair of cameras, and its covariances: depth is told by its square."""
-    far = np.linalg.norm(places, axis=-1)[..., None, None]
-    sight = places[..., None] / far
-    along, across = sight @ np.swapaxes(sight, -1, -2), far / 5400  # 0.5 px, f = 1911 px, 1 m apart
-    covariances = across**2 * (np.eye(3) - along) + (far**2 / 2700) ** 2 * along
-    noise = np.einsum("...ij,...j", np.linalg.cholesky(covariances), rng.standard_normal(places.shape))
-    return places + noise, covariances
-
-
 def flown_with_a_rig(seed):
     """What a flight of 700 s beside the target, whose thrusters are wrong by deviates of STD, is off by at its end.
 
     Returns the squares of the error of the thrusters' scale (1 degree of freedom), and of the CoM (3), over what is
     claimed.
     """
-    rng, time = np.random.default_rng(seed), np.arange(700.0)
+    rng = np.random.default_rng(seed)
     wrong = STD * rng.standard_normal(4)
-    path, accelerations = beside_the_target(time)
-    z = path / np.linalg.norm(path, axis=1)[:, None]
-    x = np.cross(z, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(z, [0.0, 0.0, 1.0]), axis=1)[:, None]
-    axes = np.stack([x, np.cross(z, x), z], axis=2)  # of the camera, in which thrusters are fixed
-    of_camera = Rotation.from_matrix(axes[:-1])
-    told = -(of_camera * Rotation.from_rotvec(wrong[1:]).inv() * of_camera.inv()).apply(accelerations) / (1 + wrong[0])
-    seen, covariances = seen_by_a_rig(rng, path[:, None] + POINTS @ np.swapaxes(attitudes(time), 1, 2))
-    filter = OnlineEstimator(SIGMA, thrust_std=STD)
-    state = filter.update(0.0, seen[0], covariance=covariances[0])
-    for k in range(1, len(time)):
-        thrust = Thrust(told[k - 1], axes[k - 1])
-        state = filter.update(time[k], seen[k], covariance=covariances[k], acceleration=thrust)
-    assert state.status == "tracking"
-    scale = (state.thrust[0] - wrong[0]) ** 2 / state.thrust_covariance[0, 0]
-    return scale, squares(state.position - path[-1], state.covariance[:3, :3])
+    states, path = flown_beside(rng, OnlineEstimator(SIGMA, thrust_std=STD), wrong)
+    assert states[-1].status == "tracking"
+    scale = (states[-1].thrust[0] - wrong[0]) ** 2 / states[-1].thrust_covariance[0, 0]
+    return scale, squares(states[-1].position - path[-1], states[-1].covariance[:3, :3])
 
 
 def test_what_a_rig_and_thrust_say_of_sizes_is_not_counted_twice():
