@@ -47,7 +47,7 @@ class Solution:
     of the k bodies, their points' centroids from the centre of mass in axes attached to the points; offset_path
     (3 k, p): their covariance with x. null_space (p, d) and offset_null_space (3 k, d): unobserved directions, which
     the covariances leave out. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used;
-    step: the predicted decrease of their sum.
+    decrease: that of their sum, as the step predicts it.
     """
 
     bodies: tuple[Body, ...]
@@ -60,7 +60,7 @@ class Solution:
     null_space: FloatArray
     offset_null_space: FloatArray
     squares: FloatArray
-    step: float
+    decrease: float
 
     def moved_to(self, x: FloatArray) -> "Solution":
         """The solution with another x (p,), and the points that fit best with it."""
@@ -140,7 +140,7 @@ class Linearised:
             null_space=null_space_of(matrix, sizes),
             offset_null_space=np.zeros(0),
             squares=self.squares,
-            step=decrease,
+            decrease=decrease,
         )
         return alone.with_covariance(covariance, self.bodies)
 

@@ -101,7 +101,7 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
         gauss_newton_step(subsample.bodies, few, extended, start, shifts),
         gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shifts),
     )
-    gain = (with_cubic.step - without.step) / found.variance
+    gain = (with_cubic.decrease - without.decrease) / found.variance
     if chdtrc(new.shape[2], max(gain, 0.0)) > SIGNIFICANCE or _is_poorly_observed(found):
         return None
     metres = float(extended.lengths((with_cubic.x - start)[:, None])[0])

@@ -162,9 +162,9 @@ class _Refinement:
             weight = np.sqrt(weight * before)
         unweighted = solution.squares / np.where(weight > 0, before, 1.0)
         changed = abs(float(np.vdot(unweighted, weight)) - self.cost)
-        self.faster = self.last is not None and solution.step > self.last.decrease
+        self.faster = self.last is not None and solution.decrease > self.last.decrease
         self.last = LastStep(
-            solution.step,
+            solution.decrease,
             self.problem.offset_change(solution),
             # The first round knows neither weights nor variance.
             self.rounds > 1 and changed <= WEIGHT_CHANGE_TOLERANCE * max(self.cost, self.floor * dof),

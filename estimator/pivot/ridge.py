@@ -176,7 +176,7 @@ class _SubsampledSolution:
                 solution = there.step(variance * precision)
             except ComputationError:
                 return None
-            if step and solution.step <= STEP_TOLERANCE * variance:
+            if step and solution.decrease <= STEP_TOLERANCE * variance:
                 return _Place(solution.bodies, solution.x)
             # The first step follows the ridge to the target, the second one comes back to it.
             longer = None if last is None or step == 1 else secant_step(there, solution, last)

@@ -179,7 +179,7 @@ def _stepped(
         if observations.precision is not None:
             precision = held(scaled(problem, variance), prior, theta)[0]
             here = StepStart(problem, observations.weight, variance / lasting, lasting, precision)
-        if solution.step <= SETTLED * variance:
+        if solution.decrease <= SETTLED * variance:
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least, many=True))

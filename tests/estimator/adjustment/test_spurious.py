@@ -199,7 +199,7 @@ def test_near_spins_have_errors_as_claimed(kind):
         for _ in range(60):
             found = gauss_newton_step(bodies, observations, sampled, x)
             bodies, x = found.bodies, found.x
-            if found.step < 1e-3 * noise**2:
+            if found.decrease < 1e-3 * noise**2:
                 break
         own = NoisyAttitudes.of(bodies[0], observations, sampled.position(x), noise**2).spurious_information()
         shares.append(np.linalg.eigvals(found.offset_covariance @ own.mean).real.max())

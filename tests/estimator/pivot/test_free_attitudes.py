@@ -167,7 +167,7 @@ def test_steps_converge_to_scipys_least_squares(full):
         found = gauss_newton_step(bodies, observations, sampled, x)
         bodies, start, x = found.bodies, x, found.x
     np.testing.assert_allclose(start, x, atol=1e-9)
-    assert found.step < 1e-12
+    assert found.decrease < 1e-12
     assert found.squares.sum() == pytest.approx(2 * best.cost, rel=1e-9)
     base = scene(full, seed=1)[3]
     np.testing.assert_allclose(x, base + best.x[:6], atol=1e-5)

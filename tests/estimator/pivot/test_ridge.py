@@ -101,7 +101,7 @@ def settled(found: Pivot, *, lengthened: bool) -> tuple[int, FloatArray]:
     for step in range(1000):
         problem = linearised(bodies, found.observations, found.sampled, x, None, found.known_offsets)
         solution = problem.step()
-        if solution.step < LAST * found.variance:
+        if solution.decrease < LAST * found.variance:
             return step, solution.x
         longer = secant_step(problem, solution, last) if lengthened and last is not None else None
         last = Step(problem.bodies, problem.x, problem.offset_change(solution))
