@@ -42,10 +42,10 @@ MAX_LENGTH = 1e12  # m from the chaser, or from the centre of mass: a thousand t
 class Solution:
     """Bodies and path after one Gauss–Newton step. Covariances are for weights that are inverse variances.
 
-    x (p,) and its covariance (p, p). For each body points_covariance (3 m, 3 m), conditional on x, and points_path
-    (3 m, p): a change δx changes the points by −points_path δx. offset_covariance (3 k, 3 k): covariance of the offsets
-    of the k bodies, their points' centroids from the centre of mass in axes attached to the points; offset_path
-    (3 k, p): their covariance with x. null_space (p, d) and offset_null_space (3 k, d): unobserved directions, which
+    x (p,) and its covariance (p, p). For each body points_covariance (3 m, 3 m), conditional on x, and by_path
+    (3 m, p): a change δx changes the points by −by_path δx. offset_covariance (3 k, 3 k): covariance of the offsets of
+    the k bodies, their points' centroids from the centre of mass in axes attached to the points; offset_path (3 k, p):
+    their covariance with x. null_space (p, d) and offset_null_space (3 k, d): unobserved directions, which
     the covariances leave out. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used;
     decrease: that of their sum, as the step predicts it.
     """
@@ -54,7 +54,7 @@ class Solution:
     x: FloatArray
     covariance: FloatArray
     points_covariance: tuple[FloatArray, ...]
-    points_path: tuple[FloatArray, ...]
+    by_path: tuple[FloatArray, ...]
     offset_covariance: FloatArray
     offset_path: FloatArray
     null_space: FloatArray
@@ -65,7 +65,7 @@ class Solution:
     def moved_to(self, x: FloatArray) -> "Solution":
         """The solution with another x (p,), and the points that fit best with it."""
         change = x - self.x
-        pairs = zip(self.bodies, self.points_path, strict=True)
+        pairs = zip(self.bodies, self.by_path, strict=True)
         return replace(self, x=x, bodies=tuple(body.moved(-by_path @ change) for body, by_path in pairs))
 
     def with_covariance(self, covariance: FloatArray, attached: tuple[Body, ...] | None = None) -> "Solution":
@@ -76,7 +76,7 @@ class Solution:
         bodies = self.bodies if attached is None else attached
         maps = [offset_by_points(body.points) for body in bodies]
         own = zip(maps, self.points_covariance, strict=True)
-        by_x = np.concatenate([to @ by_path for to, by_path in zip(maps, self.points_path, strict=True)])
+        by_x = np.concatenate([to @ by_path for to, by_path in zip(maps, self.by_path, strict=True)])
         return replace(
             self,
             covariance=covariance,
@@ -134,7 +134,7 @@ class Linearised:
             x=self.x + change,
             covariance=covariance,
             points_covariance=self.inverse,
-            points_path=self.by_path,
+            by_path=self.by_path,
             offset_covariance=np.zeros(0),
             offset_path=np.zeros(0),
             null_space=null_space_of(matrix, sizes),

@@ -79,7 +79,7 @@ class _Factors:
         of_x = factor_of(solution.covariance)
         ends = np.cumsum([0, *(factor.shape[1] for factor in alone)])
         points = []
-        for index, (factor, by_path) in enumerate(zip(alone, solution.points_path, strict=True)):
+        for index, (factor, by_path) in enumerate(zip(alone, solution.by_path, strict=True)):
             whole = np.zeros((len(factor), ends[-1] + of_x.shape[1]))
             whole[:, ends[index] : ends[index + 1]] = factor
             whole[:, ends[-1] :] = -by_path @ of_x

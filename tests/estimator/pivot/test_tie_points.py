@@ -94,7 +94,7 @@ def test_tied_bodies_agree_with_one_body(kind):
     # The remaining difference is of second order in 1 mm over the metres of the points.
     np.testing.assert_allclose((found.x - one.x) / deviation, 0.0, atol=0.01)
     np.testing.assert_allclose(found.covariance, one.covariance, atol=2e-3 * one.covariance.max())
-    joint = one.points_covariance[0] + one.points_path[0] @ one.covariance @ one.points_path[0].T
+    joint = one.points_covariance[0] + one.by_path[0] @ one.covariance @ one.by_path[0].T
     for k, (body, features) in enumerate(zip(found.bodies, (first, second), strict=True)):
         rows = (3 * np.array(features)[:, None] + np.arange(3)).ravel()
         # The same offset in axes attached to the body's points, expressed in the body's axes S.
@@ -103,7 +103,7 @@ def test_tied_bodies_agree_with_one_body(kind):
         expected = attached @ joint[np.ix_(rows, rows)] @ attached.T
         own = slice(3 * k, 3 * k + 3)
         np.testing.assert_allclose(found.offset_covariance[own, own], expected, atol=5e-3 * expected.max())
-        expected = -attached @ one.points_path[0][rows] @ one.covariance
+        expected = -attached @ one.by_path[0][rows] @ one.covariance
         np.testing.assert_allclose(found.offset_path[own], expected, atol=5e-3 * np.abs(expected).max())
     a, b = (body.points[rows] for body, rows in zip(found.bodies, made[0].rows, strict=True))
     np.testing.assert_allclose(a @ a.T, b @ b.T, atol=20 * FINE**2)
