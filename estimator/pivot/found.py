@@ -53,7 +53,7 @@ class Pivot:
     factor on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same
     errors of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of
     unknowns of x that the observations determine.
-    regularisation: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step,
+    regularisation: what the bodies' offsets are held by, and offset_information (k, 3, 3): how firmly in the last step,
     in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
     refused as the labels belong to different points; shifts: of the n frames; findings against the models.
@@ -73,7 +73,7 @@ class Pivot:
     converged: bool
     rounds: int
     regularisation: OffsetRegularisation
-    offsets: FloatArray
+    offset_information: FloatArray
     stereo: bool
     slip: float
     tie_points: tuple[TiePoints, ...]
@@ -88,15 +88,15 @@ class Pivot:
         return self.lasting * self.frame_variance
 
     @property
-    def known_offsets(self) -> FloatArray:
+    def offset_prior_information(self) -> FloatArray:
         """The information (k, 3, 3) of the prior of the bodies' offsets, in the weights' units."""
-        return self.regularisation.known(self.variance)
+        return self.regularisation.prior_information(self.variance)
 
     @cached_property
     def problem(self) -> Linearised:
         """The least-squares problem linearised at the solution."""
         at = self.bodies, self.observations, self.sampled, self.solution.x
-        return linearised(*at, self.shifts, self.offsets)
+        return linearised(*at, self.shifts, self.offset_information)
 
     @cached_property
     def at_likeliest(self) -> Solution:

@@ -210,12 +210,12 @@ def linearised(
     path: SampledPath,
     x: FloatArray,
     shifts: FrameShifts | None = None,
-    known: FloatArray | None = None,
+    offset_information: FloatArray | None = None,
 ) -> Linearised:
     """The problem linearised at x (p,) and points, after one Gauss–Newton step in the rotations at fixed x and points.
 
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
-    shifts: of these; known (k, 3, 3): the information of a prior of mean zero on the offset of each body, in the
+    shifts: of these; offset_information (k, 3, 3): that of a prior of mean zero on the offset of each body, in the
     weights' units.
     """
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
@@ -228,10 +228,10 @@ def linearised(
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths, offset_cost = [], [], 0.0
     for index, (body, own_sums) in enumerate(zip(turned, sums, strict=True)):
-        if known is not None:
+        if offset_information is not None:
             by_points, offset = offset_by_points(body.points), body.points.mean(axis=0)
-            own_sums.know(by_points.T @ known[index], by_points, offset)
-            offset_cost += float(offset @ known[index] @ offset)
+            own_sums.know(by_points.T @ offset_information[index], by_points, offset)
+            offset_cost += float(offset @ offset_information[index] @ offset)
         turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S
         inverse = inverse_across(own_sums.points, turns, own_sums.points_sizes)
         sizes += own_sums.path_sizes

@@ -152,8 +152,8 @@ def _prior(found: Pivot) -> OffsetPrior:
     Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is
     all that is claimed.
     """
-    known = block_diag(*found.known_offsets)
+    known = block_diag(*found.offset_prior_information)
     offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
-    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets))
+    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offset_information))

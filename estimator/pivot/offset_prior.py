@@ -68,7 +68,7 @@ class OffsetRegularisation:
         """What holds the offsets by their prior, for good."""
         return replace(self, firm=None, times=MOST_TIMES)
 
-    def known(self, variance: float) -> FloatArray:
+    def prior_information(self, variance: float) -> FloatArray:
         """The prior's information (k, 3, 3) in the weights' units, for a variance of what all frames tell together."""
         return np.asarray(variance * self.prior[:, None, None] * np.eye(3))
 
@@ -77,7 +77,11 @@ class OffsetRegularisation:
 
         frame_variance: of an observation of weight 1; lasting: how many frames have the same errors.
         """
-        return self.known(lasting * frame_variance) if self.firm is None else np.asarray(frame_variance * self.firm)
+        return (
+            self.prior_information(lasting * frame_variance)
+            if self.firm is None
+            else np.asarray(frame_variance * self.firm)
+        )
 
     def firmer(
         self,

@@ -64,7 +64,7 @@ class _Refinement:
 
     Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
     variance of a position that slips, m²; told: the variance of what all frames tell together, for which their shifts
-    were told; regularisation: what holds the offsets, and offsets (k, 3, 3) by which information; prior_only: the
+    were told; regularisation: what holds the offsets, and offset_information (k, 3, 3) how firmly; prior_only: the
     solution before they were held against spurious information. Lost bodies are brought back once, and so are lost
     attitudes (posed) and frames of few features.
 
@@ -121,8 +121,8 @@ class _Refinement:
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
         self.shifts = FrameShifts.of(start.errors, self._origin(), self.slip, self.told, lasting)
         of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
-        self.offsets = self.regularisation.information(of_frame, lasting)
-        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shifts, self.offsets)
+        self.offset_information = self.regularisation.information(of_frame, lasting)
+        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shifts, self.offset_information)
 
     def _leads_uphill(self, problem: Linearised) -> bool:
         """Whether the linearised problem did not hold as far as the last step went, which is then halved."""
@@ -279,8 +279,9 @@ class _Refinement:
             self._move(prior_only.bodies, np.pad(prior_only.x, (0, self.path.size - len(prior_only.x))))
         # Not before: far from the solution, and with outliers, what is told may seem spurious.
         elif self.converged or wandering:
-            covariance = self.solution.offset_covariance
-            firmer = self.regularisation.firmer(self.least, self.lasting, covariance, self.offsets, self._spurious)
+            firmer = self.regularisation.firmer(
+                self.least, self.lasting, self.solution.offset_covariance, self.offset_information, self._spurious
+            )
             if firmer is None:
                 return
             if self.regularisation.firm is None:
@@ -319,7 +320,7 @@ class _Refinement:
             converged=self.converged,
             rounds=self.rounds,
             regularisation=self.regularisation,
-            offsets=self.offsets,
+            offset_information=self.offset_information,
             stereo=self.stereo is not None,
             slip=float(np.sqrt(self.slip)),
             tie_points=tied,

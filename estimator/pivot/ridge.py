@@ -164,7 +164,9 @@ class _SubsampledSolution:
         holding = HELD * variance * measures.T
         last: Step | None = None
         for step in range(MOST_STEPS):
-            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shifts, found.known_offsets)
+            problem = linearised(
+                place.bodies, self.observations, self.path, place.x, self.shifts, found.offset_prior_information
+            )
             precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
             there = replace(
                 problem,

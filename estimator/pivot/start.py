@@ -88,8 +88,8 @@ def linear_start(
     trials = [_Trial(*solution(prior.holding(held)), few.observations, held) for held in begins]
     if len(trials) > 1:
         variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
-        known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
-        go_on = partial(_stepped, sampled=sampled, known=known, least=least, lasting=lasting)
+        offset_information = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
+        go_on = partial(_stepped, sampled=sampled, offset_information=offset_information, least=least, lasting=lasting)
         # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
         steps = STEPS if smooth or few.observations.precision is None else SETTLING
         trials = _settled(trials, go_on, prior, steps)
@@ -154,9 +154,16 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior,
 
 
 def _stepped(
-    trial: _Trial, prior: Prior, steps: int, *, sampled: SampledPath, known: FloatArray, least: float, lasting: float
+    trial: _Trial,
+    prior: Prior,
+    steps: int,
+    *,
+    sampled: SampledPath,
+    offset_information: FloatArray,
+    least: float,
+    lasting: float,
 ) -> _Trial:
-    """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`.
+    """The trial after steps with robust weights, until they are small; offset_information (k, 3, 3): see `linearised`.
 
     Where registration has rejected many there are such weights before the first step: its own know nothing of the path.
     A line has no attitudes before it.
@@ -164,11 +171,11 @@ def _stepped(
     bodies, x, observations, theta = trial.bodies, trial.x, trial.observations, trial.theta
     dof = max(values_for_path(bodies, observations), 1.0)
     if theta is None and _has_many_outliers(observations) and not bodies[0].in_line:
-        squares = linearised(bodies, observations, sampled, x, known=known).squares
+        squares = linearised(bodies, observations, sampled, x, offset_information=offset_information).squares
         observations = observations.weighted(reweighted(squares, observations.weight, dof, least, many=True))
     here, halvings = None, 0
     for _ in range(steps):
-        problem = linearised(bodies, observations, sampled, x, known=known)
+        problem = linearised(bodies, observations, sampled, x, offset_information=offset_information)
         if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
             continue

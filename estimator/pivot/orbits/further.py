@@ -38,5 +38,5 @@ class FurtherUnknowns:
         alone, added = found.sampled.frames_at(few.rows), columns(few.rows)
         path, at = alone.extended(added), np.concatenate([found.solution.x, np.zeros(added.shape[2])])
         shifts = None if found.shifts is None else found.shifts.frames(few.rows).averaged(count)
-        problem = linearised(few.bodies, observations, path, at, shifts, found.offsets)
+        problem = linearised(few.bodies, observations, path, at, shifts, found.offset_information)
         return cls(alone, path, scaled(problem, found.variance), at)

@@ -150,7 +150,7 @@ def test_a_prior_of_the_offsets_agrees_with_scipys_least_squares_of_all_unknowns
     best = least_squares(with_prior, np.zeros(size), xtol=1e-15, ftol=1e-15, gtol=1e-12)
     base, known = x, np.tile(root**2 * np.eye(3), (2, 1, 1))
     for _ in range(60):
-        problem = linearised(bodies, observations, sampled, x, known=known)
+        problem = linearised(bodies, observations, sampled, x, offset_information=known)
         found = problem.step()
         bodies, start, x = found.bodies, x, found.x
     np.testing.assert_allclose(start, x, atol=1e-8)

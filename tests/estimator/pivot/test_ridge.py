@@ -99,7 +99,7 @@ def settled(found: Pivot, *, lengthened: bool) -> tuple[int, FloatArray]:
     """How many steps it takes from a solution to rest, with its weights, and the centre of mass there."""
     bodies, x, last = found.bodies, found.solution.x, None
     for step in range(1000):
-        problem = linearised(bodies, found.observations, found.sampled, x, None, found.known_offsets)
+        problem = linearised(bodies, found.observations, found.sampled, x, None, found.offset_prior_information)
         solution = problem.step()
         if solution.decrease < LAST * found.variance:
             return step, solution.x
