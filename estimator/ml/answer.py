@@ -57,15 +57,15 @@ def answer_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, opt
     of_x = y[best.rotation.size :, best.rotation.size :]
     covariance = itself.covariance(of_x)
     clusters = tuple(
-        cluster_of(body, best.found.points[body.features], offset, tracks.labels)
+        cluster_of(body, best.equations.points[body.features], offset, tracks.labels)
         for body, offset in zip(pivot.bodies, offsets, strict=True)
     )
     main = clusters[main_cluster(clusters)].features
-    attached = AttachedAxes.of(best.found, y, main, best.variance)
+    attached = AttachedAxes.of(best.equations, y, main, best.variance)
     weight = best.observations.weight
     turned = turned_by(best.sampled, best.x)
     attitude = best.motion.attitude if turned is None else exp_rotation(turned) @ best.motion.attitude
-    residuals = tracks.position - (best.found.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
+    residuals = tracks.position - (best.equations.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     of_path = predicted_path(best.path, best.x, of_x, span, prior, own)
@@ -99,9 +99,9 @@ def answer_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, opt
             best.rotation,
             y,
             tracks.labels,
-            best.found.points,
-            best.variance * best.found.points_covariance,
-            best.found.by_unknowns,
+            best.equations.points,
+            best.variance * best.equations.points_covariance,
+            best.equations.by_unknowns,
             main,
             _torque_density(best, options),
         ),
@@ -177,9 +177,9 @@ def _covariances(
     spread = variance * _spread(turn, best.motion.attitude, y[: best.rotation.size, : best.rotation.size])
     spurious = SpuriousInformation.of(turned_information(_position_information(best), spread), RATE_AND_INERTIA)
     of_y, offsets = y, []
-    least = variance / max(farthest(best.found.points[features]) for features in clusters) ** 2
+    least = variance / max(farthest(best.equations.points[features]) for features in clusters) ** 2
     for features in clusters:
-        offset, crossed = best.found.offset_covariance(y, features)
+        offset, crossed = best.equations.offset_covariance(y, features)
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, least)
         offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
@@ -189,7 +189,7 @@ def _covariances(
     observed = variance * _covariance_of_unknowns(best, 0.0, variance)
     moved, points = product_errors(best, turn, observed, spread, min(offsets, key=np.trace))
     for index, features in enumerate(clusters):
-        attached = offset_by_points(best.found.points[features])
+        attached = offset_by_points(best.equations.points[features])
         own = attached @ points[(3 * features[:, None] + np.arange(3)).ravel()]
         offsets[index] = offsets[index] + own @ own.T
     return variance * of_y + moved @ moved.T, offsets
@@ -210,9 +210,9 @@ def _covariance_of_unknowns(best: MaximumAPosteriori, distance: float, variance:
     The uncertainty of the noise densities is that of the posterior, in which unobserved directions are not as wide.
     """
     own, found = best.priors, best.posterior
-    linear = own.linear(best.found, own.values(best.rotation, best.x), variance)
+    linear = own.linear(best.equations, own.values(best.rotation, best.x), variance)
     prior = variance * (own.information + np.diag(held(linear, own.own, found.theta)[0]))
-    y = best.found.covariance(best.sampled.itself, distance / np.sqrt(variance), prior)
+    y = best.equations.covariance(best.sampled.itself, distance / np.sqrt(variance), prior)
     if len(found.theta):
         y = y + (found.about_likeliest - conditional(linear, own.own, found.theta)[1]) / variance
     return np.asarray(y)

@@ -109,7 +109,7 @@ class Iterate:
 
     state: State
     observations: Observations
-    found: Equations
+    equations: Equations
     variance: float
     theta: FloatArray
     unknowns: float = 0.0
@@ -136,13 +136,13 @@ class _QuadraticModel:
     def of(cls, problem: Problem, at: Iterate) -> "_QuadraticModel":
         """That about an iterate."""
         values, own = at.state.values, problem.priors.own
-        linear = problem.priors.linear(at.found, values, at.variance)
+        linear = problem.priors.linear(at.equations, values, at.variance)
         theta = maximise(linear, own, _start(linear, own, at.theta))
         precision = held(linear, own, theta)[0]
         return cls(
             at.variance * (linear.information + np.diag(precision)),
             at.variance * (linear.rhs - precision * values),
-            at.found.cost + at.variance * problem.priors.cost(values, precision),
+            at.equations.cost + at.variance * problem.priors.cost(values, precision),
             theta,
             precision,
             len(values) - float(precision @ np.diag(conditional(linear, own, theta)[1])),
@@ -156,7 +156,7 @@ class _Step:
     """
 
     state: State
-    found: Equations
+    equations: Equations
     decrease: float
     damping: float
 
@@ -182,7 +182,7 @@ def _step_downhill(problem: Problem, at: Iterate, model: _QuadraticModel, dampin
         change = symmetric_pseudo_inverse(model.matrix + damping * diagonal) @ model.rhs
         moved = problem.moved(at.state, change)
         if moved is not None:
-            found = problem.equations(at.observations, moved, at.found.points)
+            found = problem.equations(at.observations, moved, at.equations.points)
             reached = found.cost + at.variance * problem.priors.cost(moved.values, model.precision)
             if reached <= model.cost + STEP_TOLERANCE * at.variance:
                 return _Step(moved, found, float(change @ model.matrix @ change), damping / WEAKER)
@@ -192,7 +192,7 @@ def _step_downhill(problem: Problem, at: Iterate, model: _QuadraticModel, dampin
 
 def _reweighted(problem: Problem, at: Iterate, step: _Step) -> Iterate:
     """The iterate after a step with the variance there, and whether it has converged; if not, with new weights."""
-    found, observations = step.found, at.observations
+    found, observations = step.equations, at.observations
     dof = degrees_of_freedom(observations, at.unknowns)
     of_frame = max(found.cost / dof, problem.floor)
     variance = problem.lasting * of_frame
@@ -204,7 +204,9 @@ def _reweighted(problem: Problem, at: Iterate, step: _Step) -> Iterate:
     if not converged and (problem.stereo is not None or not steady):
         observations = problem.with_weights(observations.weighted(weight), step.state, found.points)
         found = problem.equations(observations, step.state, found.points)
-    return replace(at, state=step.state, observations=observations, found=found, variance=variance, converged=converged)
+    return replace(
+        at, state=step.state, observations=observations, equations=found, variance=variance, converged=converged
+    )
 
 
 def _start(linear: GaussianLikelihood, own: Prior, theta: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ class MaximumAPosteriori:
     sampled: SampledPath
     blocks: Blocks
     noise: FrameNoise | None
-    found: Equations
+    equations: Equations
     priors: Priors
     posterior: Posterior
     observations: Observations
@@ -96,8 +96,8 @@ class _Given:
             sampled = as_seen(path, interpolated(path.at, path.frequency, time), errors, x)
         wider = self.problem(rotation, path or problem.path, sampled)
         state = State(rotation, rotation.at(time), x)
-        found = wider.equations(best.observations, state, best.found.points)
-        return wider, replace(best, state=state, found=found, converged=False)
+        found = wider.equations(best.observations, state, best.equations.points)
+        return wider, replace(best, state=state, equations=found, converged=False)
 
     def _richer_rotation(self, best: Iterate) -> Rotation | None:
         """The rotation with more modes of a torque, if those there do not suffice; None if they do."""
@@ -135,9 +135,9 @@ def maximised(
         problem, start = richer
         best = iterated(problem, start, done)
 
-    residual = best.found.cost / degrees_of_freedom(best.observations, best.unknowns)
+    residual = best.equations.cost / degrees_of_freedom(best.observations, best.unknowns)
     variance = pivot.lasting * (residual if options.sigma is None else options.sigma**2)
-    linear = problem.priors.linear(best.found, best.state.values, max(variance, floor))
+    linear = problem.priors.linear(best.equations, best.state.values, max(variance, floor))
     return MaximumAPosteriori(
         rotation=best.state.rotation,
         motion=best.state.motion,
@@ -146,7 +146,7 @@ def maximised(
         sampled=problem.sampled,
         blocks=problem.blocks,
         noise=noise,
-        found=_of_true_size(best.found, problem.path, errors),
+        equations=_of_true_size(best.equations, problem.path, errors),
         priors=problem.priors,
         posterior=posterior(linear, problem.priors.own, best.theta),
         observations=best.observations,
@@ -162,7 +162,7 @@ def _richer_path(problem: Problem, best: Iterate) -> Path | None:
     """The path with as many modes of process noise as it needs; None if it has them."""
     if not isinstance(problem.path, ProcessNoisePath):
         return None
-    linear = problem.priors.linear(best.found, best.state.values, best.variance)
+    linear = problem.priors.linear(best.equations, best.state.values, best.variance)
     of_all, first = conditional(linear, problem.priors.own, best.theta)[1], best.state.rotation.size
     of_x, sampled = of_all[first:, first:], problem.sampled.itself
     path = None
@@ -201,7 +201,7 @@ def _frame_noise(errors: SharedErrors | None, slip: float, frames: int, variance
 
 def _attitude_information(best: Iterate) -> float:
     """The information on the attitude in all frames, 1/rad², a mean over axes, for a known centre of mass."""
-    squares = np.einsum("mi,mi->m", best.found.points, best.found.points)
+    squares = np.einsum("mi,mi->m", best.equations.points, best.equations.points)
     weight = best.observations.weight
     if best.observations.precision is not None:
         weight = weight * np.trace(best.observations.precision, axis1=2, axis2=3) / 3

@@ -26,7 +26,10 @@ def product_errors(
         offset: covariance (3, 3) in B of the centre of mass from the features, m².
     """
     size, R, path = best.rotation.size, best.motion.attitude, best.sampled
-    position, none = path.covariance(y[size:, size:]), (np.zeros((len(y), 0)), np.zeros((best.found.points.size, 0)))
+    position, none = (
+        path.covariance(y[size:, size:]),
+        (np.zeros((len(y), 0)), np.zeros((best.equations.points.size, 0))),
+    )
     if are_negligible(spread, offset, position):
         return none
     turns = np.swapaxes(R, 1, 2) @ turn.times(independent(y[:size, :size])[0])
@@ -35,7 +38,7 @@ def product_errors(
         return none
     origin, turned = path.position(best.x), turned_by(path, best.x)
     # A pattern is one more unknown of the path, which the equations have beside the others.
-    model = Model(best.motion, path.extended(shift), origin, best.found.points, best.noise, None, turned)
+    model = Model(best.motion, path.extended(shift), origin, best.equations.points, best.noise, None, turned)
     found, q = equations(best.observations, model), len(y)
     of_y = y @ found.matrix[:q, q:] / max(best.variance, 1e-300)
     return of_y, found.by_unknowns[:, q:] - found.by_unknowns[:, :q] @ of_y

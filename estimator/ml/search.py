@@ -110,11 +110,11 @@ def _excess(best: MaximumAPosteriori, other: MaximumAPosteriori) -> float:
 def _cost(found: MaximumAPosteriori, weight: FloatArray, variance: float) -> float:
     """−2 ln p(observations | model), up to a constant, for weights (n, m) and the variance of one of weight 1."""
     own = found.observations.weight
-    squares = np.where(weight > 0, found.found.squares / np.where(own > 0, own, 1.0), 0.0)
+    squares = np.where(weight > 0, found.equations.squares / np.where(own > 0, own, 1.0), 0.0)
     values, priors = found.priors.values(found.rotation, found.x), found.priors
-    linear = priors.linear(found.found, values, variance)
+    linear = priors.linear(found.equations, values, variance)
     weak = priors.cost(values, np.zeros_like(values))
-    by_data = (float(np.vdot(weight, squares)) + found.found.noise_cost) / variance
+    by_data = (float(np.vdot(weight, squares)) + found.equations.noise_cost) / variance
     return by_data + weak + excess_of(linear, priors.own, found.posterior.theta)
 
 
@@ -129,7 +129,7 @@ def _maximum(
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             best = maximised(tracks, pivot, tumble, options, done)
-        finite = bool(np.isfinite(best.found.cost) and np.isfinite(best.posterior.covariance).all())
+        finite = bool(np.isfinite(best.equations.cost) and np.isfinite(best.posterior.covariance).all())
     except np.linalg.LinAlgError:
         finite = False
     if not finite:

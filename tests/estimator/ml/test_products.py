@@ -42,7 +42,7 @@ def best(request):
     noise = FrameNoise(none, shift) if request.param else None
     found = equations(observations, Model(motion, sampled, sampled.position(x), points, noise))
     variance = NOISE**2
-    named = SimpleNamespace(rotation=start, motion=motion, sampled=sampled, x=x, found=found, noise=noise)
+    named = SimpleNamespace(rotation=start, motion=motion, sampled=sampled, x=x, equations=found, noise=noise)
     named.observations, named.variance = observations, variance
     named.turn = Jacobians.of(motion.turn_in_C, TIME, Blocks.over(TIME, 10.0))
     named.y = variance * np.linalg.inv(found.matrix + 1e-6 * np.diag(found.sizes))
@@ -58,7 +58,7 @@ def test_errors_are_those_of_observations_that_the_products_move(best):
     turns = np.swapaxes(R, 1, 2) @ best.turn.times(independent(best.y[:size, :size])[0])
     shift = R @ product_shifts(turns, OFFSET, best.sampled.covariance(best.y[size:, size:]))
     origin = best.sampled.position(best.x)
-    model = Model(best.motion, best.sampled, origin, best.found.points, best.noise)
+    model = Model(best.motion, best.sampled, origin, best.equations.points, best.noise)
     rest = equations(best.observations, model)
     assert of_y.shape[1] == shift.shape[2] > 0
     for k in range(0, shift.shape[2], 5):
