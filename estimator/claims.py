@@ -21,6 +21,7 @@ from baryscope.estimator.findings import (
     UnknownBurn,
     WrongSigma,
 )
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.prediction import PredictedBody, PredictedPath, Widening, beyond
 from baryscope.estimator.registration.intervals import runs_of
@@ -32,7 +33,6 @@ BoolArray = NDArray[np.bool_]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
 FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
-FEATURES = 3  # that a frame shows at least, to tell an attitude
 LEAST_SHARE = 0.01  # of all frames, successive ones without a used observation
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
 BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
@@ -62,7 +62,7 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     with a probability of n times the share to its power, at most.
     """
     known = result.used & np.isfinite(result.residuals[..., 0])
-    shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
+    shown = np.flatnonzero(known.sum(axis=1) >= FEWEST_POINTS)
     out = np.asarray((result.rejected | ~known)[shown].all(axis=1))
     first, stop = max(runs_of(out).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
     run = stop - first

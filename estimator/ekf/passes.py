@@ -17,13 +17,13 @@ from baryscope.estimator.ekf.motion import mean_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.symmetric import eigen
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
 
 MAX_PASSES = 12
-FEATURES_OF_A_POSE = 3
 ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
@@ -290,7 +290,7 @@ def _solved(
 
 def _frames_per_error(problem: Problem, observations: Observations, after: Reference) -> float:
     """How many frames have the same errors of the features, about a reference."""
-    frames = np.flatnonzero((observations.weight > 0).sum(axis=1) >= FEATURES_OF_A_POSE)
+    frames = np.flatnonzero((observations.weight > 0).sum(axis=1) >= FEWEST_POINTS)
     at = problem.start.nodes.frames
     body = Body(np.arange(len(after.points)), frames, after.points, after.attitude[at[frames]])
     return frames_per_error([body], observations, after.origin[at])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+FEWEST_POINTS = 3  # that determine a rotation, if they are not in a line: two leave the turn about theirs free
 ILL_CONDITIONED = 1e-2  # slope of the polynomial at its root below which the SVD is used, K scaled to ‖H‖ = 1
 COLLINEAR = 1e-12  # s₂ ± s₃ at ‖H‖ = 1 below which the points count as collinear
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
-from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS, align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.registration.flips import steady
@@ -115,7 +115,7 @@ class Pair:
         recordings = [child] if parent is None else [child, parent]
         used = [screen(one.position, one.seen, soft=SOFT) for one in recordings]
         for _ in range(REPEATS):
-            both = np.all([own.sum(axis=1) >= 3 for own in used], axis=0)
+            both = np.all([own.sum(axis=1) >= FEWEST_POINTS for own in used], axis=0)
             _refuse_few(recordings, both)
             bodies = [Body.of(one, own, both) for one, own in zip(recordings, used, strict=True)]
             pair = cls(child.time[both], None if parent is None else bodies[1], bodies[0])
@@ -168,7 +168,7 @@ def _refuse_few(recordings: list[FeatureTracks], both: BoolArray) -> None:
     n = int(both.sum())
     if n >= LEAST_FRAMES:
         return
-    seen = int(np.all([one.seen.sum(axis=1) >= 3 for one in recordings], axis=0).sum())
+    seen = int(np.all([one.seen.sum(axis=1) >= FEWEST_POINTS for one in recordings], axis=0).sum())
     shown = counted(n, "frame shows", "frames show")
     off = "" if seen < LEAST_FRAMES else f" that keep their distances ({seen} show three: labels may be swapped)"
     raise ComputationError(

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.registration.noise import QUARTILE
 from baryscope.estimator.registration.screening import distances_between
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +24,6 @@ QUIETER = 0.3  # share of the pairs in a block, that are quieter than what count
 LEAST_PAIRS = 3
 RATIO = 2.0  # of deviations, from which noise changes
 CHANCE = 5.0  # standard deviations of the difference of two parts' logarithms, below which it is chance
-QUARTILE = 0.6745  # of the standard Gaussian
 BODY = 0.1  # of the typical distances: a deviation that is more is no noise
 
 

@@ -19,7 +19,8 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.adjustment.weighted_registration import CLEARLY
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.pivot.free_attitudes import LEAST, Solution
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
+from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.pivot.rods import best_attitudes
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import GATE
@@ -108,7 +109,7 @@ def with_found_attitudes(
         shown = weight[block] > 0
         rejected = np.count_nonzero(shown & (weight[block] < REJECTED), axis=1)
         # A single one is an outlier: a wrong attitude leaves others that do not fit.
-        rows = np.flatnonzero((shown.sum(axis=1) >= LEAST) & (rejected > 1))
+        rows = np.flatnonzero((shown.sum(axis=1) >= FEWEST_POINTS) & (rejected > 1))
         if not len(rows):
             continue
         frames = body.frames[rows]

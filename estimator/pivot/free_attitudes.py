@@ -22,6 +22,7 @@ from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.gauge import are_in_line, offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
@@ -34,7 +35,6 @@ BoolArray = NDArray[np.bool_]
 
 WORSE = 0.01  # increase of −2 ln p, for each observation, from which a step was too long
 MOST_HALVINGS = 5  # of one step
-LEAST = 3  # features of a body
 MAX_LENGTH = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
 
 
@@ -263,5 +263,5 @@ def told_features(body: Body, weight: FloatArray) -> BoolArray:
     or in a line.
     """
     told = np.asarray((weight[np.ix_(body.frames, body.features)] >= REJECTED).any(axis=0))
-    few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
+    few = told.sum() < FEWEST_POINTS or (are_in_line(body.points[told]) and not are_in_line(body.points))
     return np.ones_like(told) if few else told

@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import MIN_FRAMES
 from baryscope.models.errors import ComputationError
 
 BoolArray = NDArray[np.bool_]
 
 REPEATS = 3  # of search and refinement, at most
-MIN_FRAMES = 10  # of a body, that are left
-LEAST = 3  # features of an attitude
 
 
 def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -> tuple[Pivot, InitialSolution]:
@@ -58,7 +58,7 @@ def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -
 def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
     """In which frames (n,) of a body an attitude is left without enough features where others are rejected."""
     weight = observations.weight[np.ix_(body.frames, body.features)]
-    return np.asarray(((weight > 0).sum(axis=1) >= LEAST) & ((weight >= REJECTED).sum(axis=1) < LEAST))
+    return np.asarray(((weight > 0).sum(axis=1) >= FEWEST_POINTS) & ((weight >= REJECTED).sum(axis=1) < FEWEST_POINTS))
 
 
 def _is_begun_with(body: Body, start: InitialSolution) -> BoolArray:

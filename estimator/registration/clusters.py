@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS, align
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.flips import steady
 from baryscope.estimator.registration.gathering import (
     AGREEMENT,
-    OFF_LINE,
     SHAPE_SHARE,
     Shape,
     Sightings,
@@ -33,7 +32,7 @@ from baryscope.estimator.registration.intervals import (
     too_few_features,
 )
 from baryscope.estimator.registration.noise import noise_of_distances, pooled_noise
-from baryscope.estimator.registration.procrustes import Registration, register
+from baryscope.estimator.registration.procrustes import OFF_LINE, Registration, register
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -75,7 +74,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
     Raises:
         ComputationError: no frame sees three features, or they are collinear in all frames.
     """
-    enough = np.nonzero(used.sum(axis=1) >= 3)[0]
+    enough = np.nonzero(used.sum(axis=1) >= FEWEST_POINTS)[0]
     intervals = (
         _connected_intervals(position[enough], used[enough], np.diff(enough) > MAX_FRAME_STEP) if len(enough) else []
     )
@@ -132,7 +131,7 @@ def _contradicts(body: Body, longer: Body) -> bool:
     shape, as they would be one body else.
     """
     shared = np.isin(longer.features, body.features)
-    if len(body.frames) >= len(longer.frames) or np.count_nonzero(shared) < 3:
+    if len(body.frames) >= len(longer.frames) or np.count_nonzero(shared) < FEWEST_POINTS:
         return False
     return not _are_collinear(longer.points[shared])
 
@@ -227,7 +226,7 @@ def _merge(whole: Shape, other: Shape, noise: float) -> bool:
     Returns whether they were merged.
     """
     shared = sorted(whole.points.keys() & other.points.keys())
-    if len(shared) < 3:
+    if len(shared) < FEWEST_POINTS:
         return False
     a = np.array([whole.points[index] for index in shared])
     b = np.array([other.points[index] for index in shared])
@@ -261,7 +260,7 @@ def _with_attitudes(shape: Shape, sightings: Sightings, steps: FloatArray) -> tu
     points = points - points.mean(axis=0)
     shape.intervals.sort(key=lambda interval: interval.start)
     frames, _ = frames_of(shape.intervals)
-    frames = frames[sightings.used[np.ix_(frames, features)].sum(axis=1) >= 3]
+    frames = frames[sightings.used[np.ix_(frames, features)].sum(axis=1) >= FEWEST_POINTS]
     variances = shape.variances(sightings.noise)
     (attitude, origin), determined = aligned_frames(sightings, frames, features, points, variances)
     frames = frames[determined]

@@ -9,20 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.alignment import Alignment, align
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS, Alignment, align
 from baryscope.estimator.registration.intervals import Interval
+from baryscope.estimator.registration.procrustes import ADEQUATE, OFF_LINE
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-OFF_LINE = 3.0  # root of the summed squared distances from a line over a coordinate's noise, for a valid attitude
 AGREEMENT = 6.0  # standard deviations by which two shapes of one body may differ at shared features
 SHAPE_SHARE = 3.0  # error of a shape from few frames, whose attitudes have errors, too, over that of its points alone
 CHUNK = 8192  # frames aligned at once
 MAX_FRAMES = 2000  # frames from which a shape that was put together is refined, at most
 MAX_ROUNDS = 30
-ADEQUATE = 0.1  # change in the last iteration, over the noise of a point's mean, of a shape that is good enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ def gathered(whole: Shape, pending: list[Interval], sightings: Sightings) -> lis
     while pending:
         features, points = whole.arrays()
         rows, of_interval = frames_of(pending)
-        enough = sightings.used[np.ix_(rows, features)].sum(axis=1) >= 3
+        enough = sightings.used[np.ix_(rows, features)].sum(axis=1) >= FEWEST_POINTS
         rows, of_interval = rows[enough], of_interval[enough]
         aligned, determined = aligned_frames(sightings, rows, features, points, whole.variances(sightings.noise))
         rows, of_interval = rows[determined], of_interval[determined]
@@ -176,7 +175,7 @@ def refined_shape(whole: Shape, sightings: Sightings) -> None:
     """Bring the points of a shape that was put together to the mean over its frames, by Procrustes' iteration."""
     (features, points), variances = whole.arrays(), whole.variances(sightings.noise)
     rows, _ = frames_of(whole.intervals)
-    rows = rows[sightings.used[np.ix_(rows, features)].sum(axis=1) >= 3]
+    rows = rows[sightings.used[np.ix_(rows, features)].sum(axis=1) >= FEWEST_POINTS]
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_FRAMES)).astype(int))]
     for _ in range(MAX_ROUNDS):
         (rotation, translation), determined = aligned_frames(sightings, rows, features, points, variances)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
@@ -54,7 +55,7 @@ def find_intervals(tracks: FeatureTracks) -> tuple[Interval, ...]:
 
 def cut_intervals(seen: NDArray[np.bool_], gaps: NDArray[np.bool_]) -> tuple[Interval, ...]:
     """The intervals of seen (n, m); gaps (n - 1,) is True where a gap follows the frame."""
-    enough = seen.sum(axis=1) >= 3
+    enough = seen.sum(axis=1) >= FEWEST_POINTS
     cut = np.concatenate([[True], gaps | (enough[1:] != enough[:-1]), [True]])
     borders = np.nonzero(cut)[0]
     intervals: list[Interval] = []

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS, matrix_from_quaternion, rotation_from_moments
 from baryscope.estimator.options import Reference
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +23,7 @@ BoolArray = NDArray[np.bool_]
 TOLERANCE = 1e-11  # greatest change of a converged shape in one iteration, relative to its size
 MAX_ROUNDS = 100
 ADEQUATE = 0.1  # change in the last iteration, over the noise of a point's mean, of a shape that is good enough
-OFF_LINE = 3.0  # standard deviations that the visible points must lie off a line for a valid pose
+OFF_LINE = 3.0  # root of the summed squared distances from a line over a coordinate's noise, for a valid attitude
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
     translation = translation + rotation @ centre
     rms = _residual(cloud, weights, np.nan_to_num(shape), rotation, translation)
     radius = _radius(shape[in_shape])
-    valid = (seen.sum(axis=1) >= 3) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
+    valid = (seen.sum(axis=1) >= FEWEST_POINTS) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
     adequate = converged or bool(change <= ADEQUATE * rms / np.sqrt(len(points)))
     moment = spread * seen[:, in_shape].sum(axis=1)
     return Registration(shape, rotation, translation, valid, moment, rms, radius, rounds, adequate)

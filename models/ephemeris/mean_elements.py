@@ -9,12 +9,12 @@ from sgp4.api import SGP4_ERRORS, WGS72, Satrec
 from sgp4.io import compute_checksum
 from sgp4.omm import initialize
 
-from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of, utc_text
+from baryscope.models.ephemeris.utc import DAY, Moment, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
-JULIAN_1950, DAY = 2433282.5, 86400.0  # the Julian date of 1950-01-01, and seconds
+JULIAN_1950 = 2433282.5  # the Julian date of 1950-01-01
 AT_EPOCH, EACH_DAY = 1e3, 2e3  # m, standard deviation along the orbit, at the epoch and more for each day from it
 LINE = 69  # characters of a line of two-line elements
 NUMBERS = (

@@ -11,7 +11,7 @@ from baryscope.models.ephemeris.elements import elements_of
 from baryscope.models.ephemeris.mean_elements import MeanElements, satellite_of_fields, satellite_of_lines
 from baryscope.models.ephemeris.oem import segments_of_text, segments_of_xml
 from baryscope.models.ephemeris.tabulated import Segment, Tabulated
-from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_text
+from baryscope.models.ephemeris.utc import DAY, Moment, seconds_between, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS, Ephemeris, Orbit
 
@@ -110,7 +110,7 @@ def _satellite(elements: MeanElements) -> tuple[At, str]:
     known = f"mean elements of {utc_text(elements.epoch)}"
 
     def at(moment: Moment) -> MeanElements:
-        days = abs(seconds_between(elements.epoch, moment)) / 86400
+        days = abs(seconds_between(elements.epoch, moment)) / DAY
         if days > OLDEST:
             raise InputError(
                 f"{elements.source}: {known}, {days:.0f} days from time 0 of the tracks, "

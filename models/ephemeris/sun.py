@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of
+from baryscope.models.ephemeris.utc import DAY, Moment, seconds_between, utc_of
 from baryscope.models.forces import Sunlight, sunlit_share
 
 FloatArray = NDArray[np.float64]
 
 J2000 = "2000-01-01T12:00:00"
-DAY = 86400.0
 
 
 def sun_direction(begin: Moment, time: FloatArray) -> FloatArray:

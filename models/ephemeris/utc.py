@@ -16,6 +16,7 @@ FORM = re.compile(
 )
 EXPECTED = "a UTC time as 2026-03-01T12:00:00.5Z, or with its offset, as +01:00"
 LEAP = ("23", "59", "60")  # hour, minute and second of a leap second
+DAY = 86400.0  # s
 FIRST, LAST = 1950, 2200  # years; np.datetime64 counts nanoseconds in 64 bits
 
 Moment = np.datetime64  # in ns

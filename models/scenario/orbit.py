@@ -12,7 +12,7 @@ from pydantic import field_validator
 
 from baryscope.models.ephemeris import MAX_BYTES, OLDEST, elements_of, orbit_of_message
 from baryscope.models.ephemeris.trajectory import target_states
-from baryscope.models.ephemeris.utc import Moment, Utc, seconds_between, utc_of, utc_text
+from baryscope.models.ephemeris.utc import DAY, Moment, Utc, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_text, write_together
 from baryscope.models.orbit import EARTH_MU, Orbit
@@ -129,9 +129,9 @@ def _at_epoch(orbit: Orbit, moment: Moment, source: str) -> Orbit:
     elapsed = seconds_between(utc_of(orbit.epoch, "orbit.epoch"), moment)
     if elapsed == 0:
         return orbit
-    if abs(elapsed) > OLDEST * 86400:
+    if abs(elapsed) > OLDEST * DAY:
         raise InputError(
-            f"{source}: elements of {orbit.epoch}, {abs(elapsed) / 86400:.0f} days from time 0 of the tracks, "
+            f"{source}: elements of {orbit.epoch}, {abs(elapsed) / DAY:.0f} days from time 0 of the tracks, "
             f"expected elements of within {OLDEST} days"
         )
     state = target_states(orbit, np.array([elapsed]))[0]
