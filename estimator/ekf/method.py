@@ -122,7 +122,18 @@ def _filtered(
     def followed(start: Start, tracks: FeatureTracks = tracks, measured: Observations = measured) -> Passes:
         _refuse_effort(len(start.nodes.frames), len(start.nodes.time), tracks.seen.shape[1])
         rounds.did(0.5)
-        return passes(Problem(tracks, options, measured, start, path, on_orbit, theta, rounds))
+        return passes(
+            Problem(
+                tracks=tracks,
+                options=options,
+                measured=measured,
+                start=start,
+                path=path,
+                on_orbit=on_orbit,
+                theta=theta,
+                rounds=rounds,
+            )
+        )
 
     def better() -> Passes | None:
         """From the tumble that `ml` finds: its steps are damped, and arrive from where passes do not."""

@@ -153,7 +153,16 @@ def passes(problem: Problem) -> Passes:
     axis = mean_gradient_axis(start.rotation.orbit, time)
     shift, still = np.zeros(problem.path.size), np.zeros((len(time), 6))
     path, inertia = problem.process(shift), of_a_body(start.rotation.inertia)
-    reference = Reference(path, shift, still, start.attitude, start.rate, inertia, start.points, axis)
+    reference = Reference(
+        path=path,
+        x=shift,
+        deviation=still,
+        attitude=start.attitude,
+        rate=start.rate,
+        inertia=inertia,
+        points=start.points,
+        axis=axis,
+    )
     observations = problem.measured.weighted(start.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
@@ -225,20 +234,20 @@ def _pass(
     changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
     problem.rounds.did(0.5)
     return Pass(
-        observations,
-        system,
-        prior,
-        dof,
-        bank,
-        member,
-        variance,
-        solution,
-        parameters,
-        used,
-        residual_variance,
-        lasting,
-        after,
-        weight,
+        observations=observations,
+        system=system,
+        prior=prior,
+        dof=dof,
+        bank=bank,
+        member=member,
+        noise_variance=variance,
+        solution=solution,
+        parameters=parameters,
+        frame_variance=used,
+        residual_variance=residual_variance,
+        lasting=lasting,
+        after=after,
+        weight=weight,
         linear=_is_linear(problem, reference, solution, lasting * used)
         or _has_stayed(problem, after, solution, lasting * used, last),
         steady=not rough and abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),

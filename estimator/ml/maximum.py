@@ -82,7 +82,17 @@ class _Given:
         priors = Priors.of(rotation, path, sampled.itself, x, self.density)
         blocks = Blocks.over(time, _block_length(rotation, path))
         lasting = self.pivot.lasting
-        return Problem(time, path, sampled, blocks, self.noise, priors, self.floor, lasting, self.stereo)
+        return Problem(
+            time=time,
+            path=path,
+            sampled=sampled,
+            blocks=blocks,
+            noise=self.noise,
+            priors=priors,
+            floor=self.floor,
+            lasting=lasting,
+            stereo=self.stereo,
+        )
 
     def enriched(self, problem: Problem, best: Iterate) -> tuple[Problem, Iterate] | None:
         """The problem with as many modes of both noises as it needs, and its start; None if it has them."""

@@ -243,18 +243,18 @@ def linearised(
     points_rhs = tuple(own_sums.points_rhs for own_sums in sums)
     noise_cost = sum(own_sums.noise_cost for own_sums in sums)
     return Linearised(
-        tuple(turned),
-        x,
-        matrix,
-        rhs,
-        sizes,
-        tuple(inverses),
-        tuple(by_paths),
-        points_rhs,
-        tuple(told_features(body, observations.weight) for body in turned),
-        squares,
-        noise_cost,
-        offset_cost,
+        bodies=tuple(turned),
+        x=x,
+        matrix=matrix,
+        rhs=rhs,
+        sizes=sizes,
+        inverse=tuple(inverses),
+        by_path=tuple(by_paths),
+        points_rhs=points_rhs,
+        told=tuple(told_features(body, observations.weight) for body in turned),
+        squares=squares,
+        noise_cost=noise_cost,
+        offset_cost=offset_cost,
     )
 
 

@@ -178,20 +178,20 @@ class _ProblemData:
         if registered.in_line:
             bodies = attitudes_about(bodies, self.observations, everywhere.position(initial.x))
         return InitialSolution(
-            path,
-            everywhere,
-            time,
-            registered.bodies,
-            bodies,
-            initial.x,
-            self.measured,
-            self.observations,
-            self.inliers,
-            self._weight(initial) if given else None,
-            self.lasting,
-            1.0 if given else registered.noise**2,
-            errors_of(self.tracks),
-            initial.first_prior,
+            path=path,
+            sampled=everywhere,
+            time=time,
+            registered=registered.bodies,
+            bodies=bodies,
+            x=initial.x,
+            measured=self.measured,
+            observations=self.observations,
+            inliers=self.inliers,
+            weight=self._weight(initial) if given else None,
+            lasting=self.lasting,
+            variance=1.0 if given else registered.noise**2,
+            errors=errors_of(self.tracks),
+            first_prior=initial.first_prior,
         )
 
     def _weight(self, initial: LinearStart) -> FloatArray:

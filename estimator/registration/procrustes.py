@@ -106,7 +106,17 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
     valid = (seen.sum(axis=1) >= FEWEST_POINTS) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
     adequate = converged or bool(change <= ADEQUATE * rms / np.sqrt(len(points)))
     moment = spread * seen[:, in_shape].sum(axis=1)
-    return Registration(shape, rotation, translation, valid, moment, rms, radius, rounds, adequate)
+    return Registration(
+        shape=shape,
+        rotation=rotation,
+        translation=translation,
+        valid=valid,
+        moment=moment,
+        rms=rms,
+        radius=radius,
+        rounds=rounds,
+        converged=adequate,
+    )
 
 
 def _poses(

@@ -80,15 +80,15 @@ def endured(hours: float, rate: float, seed: int) -> Iterator[Hour]:
             gc.collect()
             error, covariance = state.position - unit.position, state.covariance[:3, :3]
             yield Hour(
-                begin // each + 1,
-                state.status,
-                float(np.linalg.norm(error)),
-                float(np.sqrt(np.trace(covariance))),
-                nees(error, covariance),
-                float(walls.mean()),
-                float(np.quantile(walls, 0.999)),
-                len(filter.save()),
-                resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024),
+                number=begin // each + 1,
+                status=state.status,
+                error=float(np.linalg.norm(error)),
+                claimed=float(np.sqrt(np.trace(covariance))),
+                nees=nees(error, covariance),
+                frame=float(walls.mean()),
+                slow=float(np.quantile(walls, 0.999)),
+                filter=len(filter.save()),
+                process=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024),
             )
 
 

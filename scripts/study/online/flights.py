@@ -80,22 +80,22 @@ def _of_world(name: str, seed: int, draw: int) -> Flight:
     jacobian = np.concatenate([made.jacobian, made.disturbance.columns], axis=2)
     tumbles = not made.world.eddy and not made.world.slip
     return Flight(
-        made.tracks,
-        made.world.noise,
-        made.orbit,
-        made.world.attitude_noise,
-        made.path,
-        jacobian,
-        np.concatenate([np.zeros(own), 1 / made.disturbance.variance]),
-        jacobian.shape[2] if made.disturbance.moves_path else own,
-        Watched(
+        tracks=made.tracks,
+        sigma=made.world.noise,
+        orbit=made.orbit,
+        attitude_noise=made.world.attitude_noise,
+        path=made.path,
+        jacobian=jacobian,
+        prior=np.concatenate([np.zeros(own), 1 / made.disturbance.variance]),
+        moved=jacobian.shape[2] if made.disturbance.moves_path else own,
+        watched=Watched(
             made.attitude,
             made.points,
             np.broadcast_to(np.eye(3) / white**2, (n, m, 3, 3)),
             np.ones((n, m), dtype=bool),
             made.turn if tumbles else None,
         ),
-        made.time * float(np.linalg.norm(RATE)) / (2 * np.pi),
+        rotations=made.time * float(np.linalg.norm(RATE)) / (2 * np.pi),
     )
 
 

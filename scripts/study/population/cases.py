@@ -125,7 +125,22 @@ def drawn(seed: int, index: int) -> Case:
     sensor = _sensor(streams[2], path)
     words = [orbit_kind, chaser_kind, tumble_kind, shape_kind, view_kind, *_words(sensor)]
     kind = " ".join(word for word in words if word)
-    return Case(seed, index, kind, time, orbit, start, path, path_jacobian, attitude, rates, turn, points, seen, sensor)
+    return Case(
+        seed=seed,
+        index=index,
+        kind=kind,
+        time=time,
+        orbit=orbit,
+        start=start,
+        path=path,
+        path_jacobian=path_jacobian,
+        attitude=attitude,
+        rate=rates,
+        turn=turn,
+        points=points,
+        seen=seen,
+        sensor=sensor,
+    )
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -94,7 +94,20 @@ def scene(world: World, seed: int, draw: int) -> Scene:
     tracks = FeatureTracks(time, seen, [f"F{k}" for k in range(len(points))])
     told = None if world.slip else _wrong(orbit, of_orbit) if world.wrong_orbit else orbit
     log, disturbance = _log(world, burns, of_orbit), disturbance_of(world, orbit, time, path)
-    return Scene(world, time, path, jacobian, attitude, turn, points, told, tracks, log, disturbance, camera)
+    return Scene(
+        world=world,
+        time=time,
+        path=path,
+        jacobian=jacobian,
+        attitude=attitude,
+        turn=turn,
+        points=points,
+        orbit=told,
+        tracks=tracks,
+        burns=log,
+        disturbance=disturbance,
+        camera=camera,
+    )
 
 
 def _path(
