@@ -65,7 +65,7 @@ def run_campaign(
         scenarios. Default: all.
     suite
         A study as one file, FILE.toml: scenarios, methods, draws, seed and what varies (docs/campaign.md); or reach,
-        the twelve scenarios of docs/campaign.md with their target ratios of RMSE to bound.
+        the twelve scenarios of docs/reach.md with their target ratios of RMSE to bound.
     methods
         Methods, separated by commas. Default: those of the suite, or screw-gpa,pivot,ml.
     draws
