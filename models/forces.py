@@ -18,7 +18,7 @@ from baryscope.models.differences import Pair
 from baryscope.models.frames import Symbol
 
 SUN_HALF_ANGLE = 4.6505e-3  # rad, of the Sun's disc: 695,700 km at one astronomical unit
-TINY = 1e-30
+TINY = 1e-30  # keeps roots and their derivatives from zero
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import casadi as ca
 
 from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_P
 
-KEPLER_ITERATIONS = 8
+KEPLER_ITERATIONS = 8  # steps of fourth order, see `eccentric_anomaly`
 
 PARAMETERS = (
     "orbit.semiMajorAxis",

@@ -14,7 +14,7 @@ from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
 LONGEST_ARM = 1e4  # m
 WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
-WIDEST_SCALE = 0.2
+WIDEST_SCALE = 0.2  # likewise to first order: of a scale and an error of it, the product is left out
 
 Triple = tuple[float, float, float]
 Arm = Annotated[float, Field(ge=-LONGEST_ARM, le=LONGEST_ARM)]

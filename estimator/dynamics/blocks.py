@@ -20,7 +20,7 @@ from baryscope.estimator.geometry.symmetric import FULL, elements_of
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-KNOTS = 12
+KNOTS = 12  # of a block
 FEWEST = 1000  # frames, from which it is worth while to look at knots instead
 NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
 ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 
 PHASE = 0.05  # of the path's frequency times a step, at most: errors of (0.05)²/12 of the covariance
-MOST_STEPS = 1_000_000
+MOST_STEPS = 1_000_000  # of one integration
 AT_ONCE = 10_000  # steps: some tens of megabytes
 POINTS, WEIGHTS = (np.polynomial.legendre.leggauss(2)[0] + 1) / 2, np.polynomial.legendre.leggauss(2)[1] / 2
 

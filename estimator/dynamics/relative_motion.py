@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 
 NODE_ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/384 arc⁴ of the distance, 3 nm at 20 m
 HARMONIC = 4.0  # of the rate at periapsis: the highest frequency of relative motion
-MOST_ITERATIONS = 60
+MOST_ITERATIONS = 60  # of the motion under gravity beyond its gradient: more are those of one that diverges
 CONVERGED = 1e-13  # of the largest distance
 
 

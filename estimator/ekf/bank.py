@@ -19,7 +19,7 @@ DECADES = 16  # of a density, over which its logarithm is uniformly distributed
 COARSE = tuple(10.0**power for power in range(-4, 9, 2))  # levels that are tried first
 FINE = 10.0  # factor between neighbouring levels
 GENEROUS = 1e4  # level of a noise that leaves the other one free to be judged
-MAX_REFINEMENTS = 12
+MAX_REFINEMENTS = 12  # moves of the bank to a better neighbour
 CLOSE = 0.4  # decades, within which a density need not be evaluated beside another
 NEGLIGIBLE = 0.02  # probability below which a member does not enter the result
 

@@ -23,7 +23,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
 
-MAX_PASSES = 12
+MAX_PASSES = 12  # a filter that does not come to rest in so many is taken for one that does not
 ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position

@@ -11,7 +11,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-TRIPLES = 100
+TRIPLES = 100  # tried: of half wrong points all have one with a probability of (1 − 1/2³)^100
 LEAST = 5  # features that are compared: four of them agree by chance sooner
 ROUNDS = 4  # of the pose
 GATE = 5.0  # standard deviations

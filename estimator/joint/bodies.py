@@ -15,7 +15,7 @@ from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.words import counted
 
 ROUNDS = 5  # of the mean shape, each from the poses of the last one
-LEAST_FRAMES = 4
+LEAST_FRAMES = 4  # that show both bodies
 REPEATS = 5  # of the bodies, each without the frames that are off the last one
 LARGEST_SLIDE = 0.3  # rms of a coordinate of what slides in a joint, at most, in the markers' radius
 NOISY = 6.0  # times the median of the residuals' lengths, which noise alone does not exceed

@@ -27,7 +27,7 @@ from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coefficient that is used
-LEAST_COEFFICIENTS = 4
+LEAST_COEFFICIENTS = 4  # in time, the slowest, that are used whatever the turn
 SMALLEST = 0.03  # singular value of a function of the motion over that of the greatest
 LOOSE = 1 / 3  # of the markers' radius: a centre that is less certain in a direction is one of a hinge
 MOST_SQUARES = 8  # functions that are products of angles and rates

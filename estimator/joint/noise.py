@@ -18,7 +18,7 @@ from scipy.fft import dct
 
 from baryscope.estimator.tracks import FloatArray, IntArray
 
-ROUNDS = 100
+ROUNDS = 100  # of spectrum and variances by turns, at most
 TAPER = 0.2  # share of the time in which the window rises or falls
 CONVERGED = 1e-2  # in the logarithm of a variance
 LEAST_BAND, WIDER = 3, 1.2  # coefficients in a band at least, and the ratio of its ends

@@ -26,7 +26,7 @@ from baryscope.estimator.progress import Rounds
 
 FloatArray = NDArray[np.float64]
 
-MAX_ROUNDS = 25
+MAX_ROUNDS = 25  # of steps and new weights: what has not converged then says so
 DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
 MOST_DAMPING, STRONGER, WEAKER = 1e10, 10.0, 30.0  # after a step uphill it is so many times stronger, else weaker
 UNDAMPED = 1e-2  # a step with more damping is short by that, and not as the iteration has converged

@@ -20,12 +20,12 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SAMPLE = 600  # frames that are looked at, at most
-MOST_PAIRS = 40
+MOST_PAIRS = 40  # of features, whose distances are looked at
 DOF = 4.0  # of Student's distribution
-ROUNDS = 60
+ROUNDS = 60  # of a fit, at most
 MOST_STEP, STEADY = 1.0, 1e-3  # of ln ρ²: the longest step, and what needs no further one
 GREATEST = 8.0  # |ln ρ²|, at which it is no longer sought
-BLOCKS, LEAST_BLOCKS = 24, 6
+BLOCKS, LEAST_BLOCKS = 24, 6  # of the frames: their sums tell how errors depend on those of frames nearby
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
 RATIO = 1.25  # ρ, below which it is no matter
 ROUNDING, BODY = 1e-9, 0.1  # of a typical distance: what is less is no noise, what is more changes it

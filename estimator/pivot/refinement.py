@@ -30,7 +30,7 @@ from baryscope.estimator.registration.body import Body, places_of
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MAX_ROUNDS = 30
+MAX_ROUNDS = 30  # of steps and new weights: what has not converged then says so
 WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
 FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these against spurious information
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns

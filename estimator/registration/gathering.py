@@ -21,7 +21,7 @@ AGREEMENT = 6.0  # standard deviations by which two shapes of one body may diffe
 SHAPE_SHARE = 3.0  # error of a shape from few frames, whose attitudes have errors, too, over that of its points alone
 CHUNK = 8192  # frames aligned at once
 MAX_FRAMES = 2000  # frames from which a shape that was put together is refined, at most
-MAX_ROUNDS = 30
+MAX_ROUNDS = 30  # of poses and the shape by turns
 
 
 @dataclass(frozen=True, eq=False)

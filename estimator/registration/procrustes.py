@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 TOLERANCE = 1e-11  # greatest change of a converged shape in one iteration, relative to its size
-MAX_ROUNDS = 100
+MAX_ROUNDS = 100  # of poses and the shape by turns
 ADEQUATE = 0.1  # change in the last iteration, over the noise of a point's mean, of a shape that is good enough
 OFF_LINE = 3.0  # root of the summed squared distances from a line over a coordinate's noise, for a valid attitude
 

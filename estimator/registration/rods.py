@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-MOST_RODS = 50
+MOST_RODS = 50  # features in lines that are looked for, one after the other
 SAMPLE = 2000  # frames in which distances tell which pair is long
 OFF_LINE = 5.0  # deviations of the noise, up to which a feature is on a line
 SLANT = 0.05  # of the rod's length: the same, for any noise

@@ -24,7 +24,7 @@ from baryscope.estimator.screws.screws import (
 FloatArray = NDArray[np.float64]
 
 CHUNK = 2048  # pairs per mapped call
-STEPS_PER_CALL = 4
+STEPS_PER_CALL = 4  # of Gauss and Newton
 MAX_CALLS = 40  # most pairs converge after two or three; each call has only the others
 TOLERANCE = 1e-10  # of the last step, in rad and relative to the points' rms radius
 UNKNOWNS = 6

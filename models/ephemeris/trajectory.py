@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 
 ARC = 0.1  # rad from node to node: the position between them is a quintic, good to a millimetre
 CHUNK = 64  # steps in one call of the compiled function
-MOST_STEPS = 1_000_000
+MOST_STEPS = 1_000_000  # of one integration
 
 
 def target_states(orbit: Orbit, time: FloatArray) -> FloatArray:

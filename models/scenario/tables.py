@@ -17,8 +17,8 @@ from baryscope.models.scenario.schema import (
     VelocityVector,
 )
 
-NORMAL_LENGTH = 1e-9
-MAX_FEATURES = 1000
+NORMAL_LENGTH = 1e-9  # below which a vector has no direction
+MAX_FEATURES = 1000  # of a unit: each has outputs of its own
 LEAST_MOMENT = 1e-9  # kg m², of a gram of some millimetres
 LEAST_RANGE = 1e-3  # m
 LEAST_NOISE = 1e-12  # m
