@@ -133,6 +133,12 @@ def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:
 
 
 def _widening(result: Estimate) -> Widening:
+    """What the misfits of an estimate show that its covariance leaves out.
+
+    The factor is the residuals' variance over the given one, unless that is named as wrong. Residuals that a model
+    makes greater by a ratio have 1 − ratio⁻² of their mean square from its misfit; of a displacement the variance
+    along each axis is a third of the square. The speed is that of a wave of one period over the tracks.
+    """
     noise, variance = result.noise, 0.0
     told = None if any(isinstance(one, WrongSigma) for one in result.findings) else noise.a_priori
     factor = 1.0 if told is None else max((noise.a_posteriori / told) ** 2, 1.0)

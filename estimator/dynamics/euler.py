@@ -140,6 +140,7 @@ def _rate_alone(w: ca.SX, c: ca.SX) -> ca.SX:
 
 
 def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
+    """Rates (8,) of x = (q_I_B, ω_B, θ), for c = (J by columns, elements of the orbit); without a gradient θ rests."""
     q, w, anomaly = x[:4], x[4:7], x[7]
     J = ca.reshape(c[:9], 3, 3)
     torque, anomaly_rate = ca.SX(3, 1), ca.SX(0)

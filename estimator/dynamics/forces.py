@@ -285,6 +285,7 @@ def _against_air(state: FloatArray) -> FloatArray:
 
 
 def _light_of(orbit: Orbit) -> Callable[[FloatArray], FloatArray]:
+    """What gives columns (n, 3, 1) in I at times (n,) in s: away from the Sun, as long as its share that is seen."""
     begin = utc_of(orbit.epoch, "orbit.epoch")
 
     def light(time: FloatArray) -> FloatArray:

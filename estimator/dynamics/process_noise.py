@@ -23,7 +23,7 @@ from baryscope.estimator.options import Density
 FloatArray = NDArray[np.float64]
 
 DENSITY = "process noise"
-FEWEST_MODES, MOST_MODES = 12, 96
+FEWEST_MODES, MOST_MODES = 12, 96  # of each axis: at first, and as many as they are doubled to where they matter
 # m/s^1.5, mean of the root of the density in an orbit: 1e-3, or 2 cm/s in ten minutes, once in 150 cases
 TYPICAL = 2e-4
 MIDDLE = np.array([0.25, 0.75])  # of the time, between which a lasting acceleration is looked for
@@ -109,6 +109,7 @@ class ProcessNoisePath(ExtendedPath):
         return self._integrated(np.zeros(0))
 
     def _integrated(self, time: FloatArray) -> Motion | None:
+        """The same for times (n,) in s besides begin and end, which may lie beyond."""
         times = np.append(time, [self.begin, self.end])
         frequency = highest_frequency(self.base.gravity_gradient, float(times.min()), float(times.max()))
         if frequency == 0:

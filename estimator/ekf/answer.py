@@ -141,6 +141,7 @@ def _features(found: Passes) -> IntArray:
 
 
 def _answer(found: Passes, features: IntArray) -> _Answer:
+    """What passes tell of path and offset, the offset of these features; wider by spurious information and products."""
     at, frames, solution, last = found.reference, found.problem.start.nodes.frames, found.solution, found.last
     points = last.system.points
     offset, attached, least = attached_offset(found, features)

@@ -88,6 +88,7 @@ def starts(
 
 
 def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:
+    """The start at the nodes of a tumble, with the registered points about the mean of the bodies' centroids in C."""
     nodes = _nodes(tumble.rotation, tracks.time)
     attitude, rate = _followed(tumble, registered.bodies, nodes)
     origins = np.concatenate(registered.origins)

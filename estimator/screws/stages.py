@@ -105,6 +105,11 @@ def run_stages(
 
 
 def _given_lag(motion: RegisteredMotion, lag: float) -> Trial:
+    """The trial of a lag in s.
+
+    Raises:
+        ComputationError: no interval is long enough for two of them in a row.
+    """
     frames = max(1, round(lag / step_of(motion)))
     longest = max(interval.length for interval in motion.intervals)
     if longest <= 2 * frames:
@@ -178,6 +183,13 @@ def axis_spread(axes: Axes) -> tuple[FloatArray, FloatArray]:
 
 
 def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossings: Intersections) -> None:
+    """Check that axes follow one another, and turn by more than their noise.
+
+    spread: see `axis_spread`.
+
+    Raises:
+        ComputationError: they do not.
+    """
     if not len(crossings.sine):
         raise ComputationError(
             "no two screws follow each other in one interval: the intervals in which the same features are "

@@ -111,6 +111,11 @@ def data_rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _numbers(cells: Sequence[str], name: str, lines: Sequence[int], source: str) -> FloatArray:
+    """The numbers of a column's cells, NaN where one is missing; lines: those of the file, for errors.
+
+    Raises:
+        InputError: a cell is no number.
+    """
     try:
         values = np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
     except ValueError:

@@ -71,6 +71,7 @@ def read_table(content: bytes, source: str, form: Form) -> Table:
 
 
 def _fast(content: bytes, source: str, form: Form) -> Columns | None:
+    """The columns of a file that has nothing unusual; None for one that has, of which the strict reader says what."""
     content = content.removeprefix(BOM_UTF8)
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")

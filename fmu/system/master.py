@@ -206,6 +206,11 @@ Link = tuple[str, str, str, str]  # element and scalar, of start and end
 
 
 def _structure(path: Path) -> tuple[list[Component], list[Link]]:
+    """The components of an .ssd, and its connections between two of them.
+
+    Raises:
+        InputError: it cannot be read, or has elements of one name, or systems in the system.
+    """
     try:
         description = read_ssd(str(path))
     except Exception as error:  # fmpy raises bare Exceptions

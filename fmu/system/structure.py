@@ -67,6 +67,7 @@ def _annotate(system: ET.Element, step: float) -> None:
 
 
 def _add_component(parent: ET.Element, chain: Chain, name: str) -> None:
+    """Add a unit of the chain to a system: its connectors as scalars, and its parameters bound to their values."""
     unit = chain.units[name]
     summary = (chain.guests.get(name) or unit).summary
     values = {"name": name, "type": FMU_TYPE, "source": source_of(name), "description": summary}
