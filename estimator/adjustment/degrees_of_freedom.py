@@ -3,6 +3,7 @@
 import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
@@ -33,6 +34,15 @@ def degrees_of_freedom(bodies: tuple[Body, ...], observations: Observations, pat
             Reason.TOO_FEW_FRAMES,
         )
     return dof
+
+
+def degrees_of_freedom_of_points(observations: Observations, unknowns: float) -> float:
+    """Number of values less that of the seen features' coordinates, of points of one body, and of other unknowns.
+
+    At least 1.
+    """
+    seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
+    return max(3 * float(observations.weight.sum()) - 3 * seen - unknowns, 1.0)
 
 
 def least_variance(observations: Observations, rounding: float) -> float:

@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom_of_points
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, held, maximise, ranges
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, WEIGHT_CHANGE_TOLERANCE, reweighted
+from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
@@ -193,7 +194,7 @@ def _step_downhill(problem: Problem, at: Iterate, model: _QuadraticModel, dampin
 def _reweighted(problem: Problem, at: Iterate, step: _Step) -> Iterate:
     """The iterate after a step with the variance there, and whether it has converged; if not, with new weights."""
     found, observations = step.equations, at.observations
-    dof = degrees_of_freedom(observations, at.unknowns)
+    dof = degrees_of_freedom_of_points(observations, at.unknowns)
     of_frame = max(found.cost / dof, problem.floor)
     variance = problem.lasting * of_frame
     weight = reweighted(found.squares, observations.weight, dof, problem.floor)
@@ -223,9 +224,3 @@ def _start(linear: GaussianLikelihood, own: Prior, theta: FloatArray) -> FloatAr
 def turned_by(sampled: SampledPath, x: FloatArray) -> FloatArray | None:
     """The rotation vectors (n, 3) in C by which a camera with errors in x (p,) sees attitudes turned; None without."""
     return None if sampled.turn is None else sampled.turn @ x
-
-
-def degrees_of_freedom(observations: Observations, unknowns: float) -> float:
-    """The degrees of freedom, at least 1, of the weighted observations less the features' points and other unknowns."""
-    seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
-    return max(3 * float(observations.weight.sum()) - 3 * seen - unknowns, 1.0)

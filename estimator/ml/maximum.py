@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
+from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom_of_points, least_variance
 from baryscope.estimator.adjustment.evidence import conditional
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen, errors_in
 from baryscope.estimator.ml.initial_tumble import Tumble
-from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, degrees_of_freedom, iterated
+from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, iterated
 from baryscope.estimator.ml.jacobians import PHASE
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.estimator.ml.model import FrameNoise
@@ -145,7 +145,7 @@ def maximised(
         problem, start = richer
         best = iterated(problem, start, done)
 
-    residual = best.equations.cost / degrees_of_freedom(best.observations, best.unknowns)
+    residual = best.equations.cost / degrees_of_freedom_of_points(best.observations, best.unknowns)
     variance = pivot.lasting * (residual if options.sigma is None else options.sigma**2)
     linear = problem.priors.linear(best.equations, best.state.values, max(variance, floor))
     return MaximumAPosteriori(
