@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from baryscope.estimator.adjustment import evidence
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
-from baryscope.estimator.adjustment.evidence import cost as excess_of
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumbles
 from baryscope.estimator.ml.iteration import ROUNDING, STAGE
 from baryscope.estimator.ml.maximum import MaximumAPosteriori, maximised
@@ -64,21 +64,32 @@ def likely_tumbles(
     """
     tracks, pivot, tumbles = _fitted(tracks, solved, torques, done)
     best = _maximum(tracks, pivot, tumbles[0], options, done)
-    if len(tumbles) < 2 or (excess := tumbles[1].excess - tumbles[0].excess) > UNDECIDED:
+    if len(tumbles) < 2:
+        return tracks, pivot, best, None
+    excess = tumbles[1].excess - tumbles[0].excess
+    if excess > UNDECIDED:
         return tracks, pivot, best, None
     if _distance(*tumbles) < ALIKE:
         other = replace(best, rotation=replace(best.rotation, orbit=tumbles[1].rotation.orbit))
-        return tracks, pivot, best, AlternativeTumble(other, float(expit(-excess / 2)))
+        return tracks, pivot, best, AlternativeTumble(other, _probability(excess))
     try:
         other = _maximum(tracks, pivot, tumbles[1], options, done)
     except ComputationError:
         return tracks, pivot, best, None
     if not other.converged:
         return tracks, pivot, best, None
-    if not best.converged or (excess := _excess(best, other)) < 0:
+    if not best.converged:
+        return tracks, pivot, other, None
+    excess = _excess(best, other)
+    if excess < 0:
         best, other, excess = other, best, _excess(other, best)
-    likely = best.converged and other.converged and (probability := float(expit(-excess / 2))) > UNLIKELY
-    return tracks, pivot, best, AlternativeTumble(other, probability) if likely else None
+    probability = _probability(excess)
+    return tracks, pivot, best, AlternativeTumble(other, probability) if probability > UNLIKELY else None
+
+
+def _probability(excess: float) -> float:
+    """That of one of two models of which this is −2 ln of the odds."""
+    return float(expit(-excess / 2))
 
 
 def _fitted(
@@ -115,7 +126,7 @@ def _cost(found: MaximumAPosteriori, weight: FloatArray, variance: float) -> flo
     linear = priors.linear(found.equations, values, variance)
     weak = priors.cost(values, np.zeros_like(values))
     by_data = (float(np.vdot(weight, squares)) + found.equations.noise_cost) / variance
-    return by_data + weak + excess_of(linear, priors.own, found.posterior.theta)
+    return by_data + weak + evidence.cost(linear, priors.own, found.posterior.theta)
 
 
 def _maximum(
