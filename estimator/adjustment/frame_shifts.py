@@ -28,15 +28,15 @@ class FrameShifts:
     ) -> "FrameShifts | None":
         """Those by noise of the camera's attitude, and by slip, white noise of the position of this variance in m².
 
-        None where there is neither. origin (n, 3) in C, m: the path; variance: of what all frames tell together, in m²
-        or 1.
+        None where there is neither. origin (n, 3) in C, m: the path; variance: of an observation of weight 1 in a frame
+        by itself, in m² or 1.
         """
         noisy = errors is not None and errors.noisy
         if not (noisy or slip > 0) or not np.isfinite(variance):
             return None
         slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
         covariance = slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)
-        return cls(lasting * covariance / variance, lasting)
+        return cls(covariance / variance, lasting)
 
     def frames(self, index: IntArray | slice) -> "FrameShifts":
         """Those of some frames."""

@@ -1,6 +1,7 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.process_noise import enriched
 from baryscope.estimator.dynamics.seen import as_seen
@@ -54,6 +56,29 @@ def refined(start: InitialSolution, options: PathOptions) -> Pivot:
     return search.found()
 
 
+@dataclass(frozen=True, eq=False)
+class _LastingAndShared:
+    """What is taken for given of errors that are not new in every observation, until the steps have converged.
+
+    lasting: how many frames have the same errors of the features; slip: the variance of a position that slips, m²;
+    shifts: of the frames, None where there are none, for `told`, the variance of an observation of weight 1 in what all
+    frames tell, m² or 1.
+    """
+
+    lasting: float
+    slip: float = 0.0
+    told: float = np.nan
+    shifts: FrameShifts | None = None
+
+    def at(self, errors: SharedErrors | None, origin: FloatArray, frame_variance: float) -> "_LastingAndShared":
+        """With the shifts at a path, origin (n, 3) in C, m, by noise of the camera's attitude and by slip.
+
+        frame_variance: of an observation of weight 1 in a frame by itself.
+        """
+        shifts = FrameShifts.of(errors, origin, self.slip, frame_variance, self.lasting)
+        return replace(self, told=self.lasting * frame_variance, shifts=shifts)
+
+
 class _Refinement:
     """The iteration, with where it is and what it takes for given until it has converged.
 
@@ -62,11 +87,10 @@ class _Refinement:
     weight 1, from the residuals; simple: the prior of a simple path, while the weights settle; scan: whether the
     hyperparameters are sought in their whole ranges, if there are several, as in the first round and in the last.
 
-    Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
-    variance of a position that slips, m²; told: the variance of what all frames tell together, for which their shifts
-    were told; regularisation: what holds the offsets, and offset_information (k, 3, 3) how firmly; prior_only: the
-    solution before they were held against spurious information. Lost bodies are brought back once, and so are lost
-    attitudes (posed) and frames of few features.
+    Given, and looked at again once the steps have converged: errors, those that last or that a frame shares;
+    regularisation: what holds the offsets, and offset_information (k, 3, 3) how firmly; prior_only: the solution before
+    they were held against spurious information. Lost bodies are brought back once, and so are lost attitudes (posed)
+    and frames of few features.
 
     here: from where a step led, while it may be too long, and how often it was halved. Of the last step there are the
     problem, the solution, the variance `together` of what all frames tell for it, its cost, and its decrease, `last`;
@@ -84,8 +108,7 @@ class _Refinement:
         self.floor = least_variance(start.measured, ROUNDING)
         self.stereo = stereo_noise(start.measured, self._places(), options.noise)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
-        self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
-        self.shifts: FrameShifts | None = None
+        self.errors = _LastingAndShared(start.lasting)
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.posed, self.extended = False, False, False
@@ -117,12 +140,13 @@ class _Refinement:
         start = self.start
         if self.stereo is not None:
             self.observations = self.stereo.moved_to(self._places(), self.observations.weight)
-        sigma, lasting = self.options.sigma, self.lasting
-        self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
-        self.shifts = FrameShifts.of(start.errors, self._origin(), self.slip, self.told, lasting)
+        sigma = self.options.sigma
+        frame_variance = max(sigma**2 if sigma else self.variance, self.floor)
+        self.errors = self.errors.at(start.errors, self._origin(), frame_variance)
         of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
-        self.offset_information = self.regularisation.information(of_frame, lasting)
-        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shifts, self.offset_information)
+        self.offset_information = self.regularisation.information(of_frame, self.errors.lasting)
+        shifts = self.errors.shifts
+        return linearised(self.bodies, self.observations, self.sampled, self.x, shifts, self.offset_information)
 
     def _leads_uphill(self, problem: Linearised) -> bool:
         """Whether the linearised problem did not hold as far as the last step went, which is then halved."""
@@ -141,7 +165,7 @@ class _Refinement:
         if np.isnan(self.variance):
             free = float(self.path.prior.free.sum())
             self.variance = self.cost / degrees_of_freedom(self.bodies, self.observations, free)
-        self.together = self.lasting * self.least
+        self.together = self.errors.lasting * self.least
         self.theta = improved(scaled(problem, self.together), prior, None if self.scan else self.theta)
         self.solution = stepped(problem, prior, self.theta, self.together)
         self._move(self.solution.bodies, self.solution.x)
@@ -151,7 +175,7 @@ class _Refinement:
         self.variance = (self.cost + problem.noise_cost) / dof
         if self.start.measured.precision is not None:
             precision = held(scaled(problem, self.together), prior, self.theta)[0]
-            self.here = StepStart(problem, self.observations.weight, self.least, self.lasting, precision)
+            self.here = StepStart(problem, self.observations.weight, self.least, self.errors.lasting, precision)
         return dof
 
     def _reweight(self, dof: float) -> None:
@@ -190,8 +214,10 @@ class _Refinement:
 
     def _bring_back_bodies(self) -> bool:
         """Whether a body is lost, which is then at the path again."""
-        began = self.start.bodies, self.start.registered, self.start.observations
-        near = brought_back_bodies(self.bodies, self.observations.weight, *began, self._origin())
+        start, weight = self.start, self.observations.weight
+        near = brought_back_bodies(
+            self.bodies, weight, start.bodies, start.registered, start.observations, self._origin()
+        )
         if near is not None:
             near = regained(near, self.bodies, self.observations, self.sampled, self.x, self.floor)
         self.brought_back = near is not None
@@ -207,8 +233,9 @@ class _Refinement:
     def _add_few_features(self) -> bool:
         """Whether frames that show two features join a body."""
         self.extended = True
-        told = self.sampled, self.lasting * self.least, self._spurious
-        return self._take(with_few_features(self.solution, self.observations.weight, self.start.measured, *told))
+        weight, variance = self.observations.weight, self.errors.lasting * self.least
+        measured = self.start.measured
+        return self._take(with_few_features(self.solution, weight, measured, self.sampled, variance, self._spurious))
 
     def _take(self, found: tuple[tuple[Body, ...], FloatArray] | None) -> bool:
         """Whether there are other bodies and weights (n, m), which then take the place of those before."""
@@ -242,20 +269,20 @@ class _Refinement:
 
         Those that are not are taken anew.
         """
-        at = (self.bodies, self.observations, self._origin())
+        given, at = self.errors, (self.bodies, self.observations, self._origin())
         if self.start.slips:
-            slip = position_variance(*at, self.least, self.lasting, STILL if self.slip > 0 else SIGNIFICANT)
-            before, self.slip = self.slip, slip
-            if abs(slip - before) > SLIP_TOLERANCE * max(slip, before):
+            slip = position_variance(*at, self.least, given.lasting, STILL if given.slip > 0 else SIGNIFICANT)
+            self.errors = replace(self.errors, slip=slip)
+            if abs(slip - given.slip) > SLIP_TOLERANCE * max(slip, given.slip):
                 return False
         lasting = frames_per_error(*at)
-        before, self.lasting = self.lasting, lasting
-        if abs(lasting - before) > LASTING_TOLERANCE * max(lasting, before):
+        self.errors = replace(self.errors, lasting=lasting)
+        if abs(lasting - given.lasting) > LASTING_TOLERANCE * max(lasting, given.lasting):
             self.here = None
             return False
-        if self.shifts is None or self.options.sigma is not None:
+        if given.shifts is None or self.options.sigma is not None:
             return True
-        return abs(lasting * self.variance - self.told) <= SHIFT_TOLERANCE * self.told
+        return abs(lasting * self.variance - given.told) <= SHIFT_TOLERANCE * given.told
 
     def _hold_offsets(self) -> None:
         """Hold the offsets against spurious information where the iteration ends, or wanders in what is not told.
@@ -263,7 +290,7 @@ class _Refinement:
         Where that leads to squares that noise does not make, the offsets are told after all: back to their prior alone.
         """
         assert self.last is not None  # noqa: S101  there was a step
-        together, simple = self.lasting * self.least, self.simple is not None
+        together, simple = self.errors.lasting * self.least, self.simple is not None
         # Steps that become longer lead to a place that the tracks do tell.
         at_rest = self.last.steady and not self.faster and not simple
         wandering = self.regularisation.firm is None and at_rest and self.rounds >= WANDERING
@@ -280,7 +307,11 @@ class _Refinement:
         # Not before: far from the solution, and with outliers, what is told may seem spurious.
         elif self.converged or wandering:
             firmer = self.regularisation.firmer(
-                self.least, self.lasting, self.solution.offset_covariance, self.offset_information, self._spurious
+                self.least,
+                self.errors.lasting,
+                self.solution.offset_covariance,
+                self.offset_information,
+                self._spurious,
             )
             if firmer is None:
                 return
@@ -294,14 +325,14 @@ class _Refinement:
         assert self.theta is not None and self.last is not None  # noqa: S101, PT018  there was a round
         scale = self.options.sigma**2 if self.options.sigma is not None else self.variance
         of_frame = max(scale, self.floor)
-        together = self.lasting * of_frame
+        together = self.errors.lasting * of_frame
         found = posterior(scaled(self.problem, together), self.path.prior, self.theta)
         solution, tied, refused = tie_bodies(
             self.solution.with_covariance(found.covariance / together, self.problem.bodies),
             together,
             self.observations,
             self._origin(),
-            self.shifts,
+            self.errors.shifts,
             frame_variance=of_frame,
         )
         return Pivot(
@@ -313,8 +344,8 @@ class _Refinement:
             observations=self.observations,
             frame_variance=scale,
             residual_variance=self.variance,
-            lasting=self.lasting,
-            shifts=self.shifts,
+            lasting=self.errors.lasting,
+            shifts=self.errors.shifts,
             posterior=found,
             path_unknowns=self.path_unknowns,
             converged=self.converged,
@@ -322,7 +353,7 @@ class _Refinement:
             regularisation=self.regularisation,
             offset_information=self.offset_information,
             stereo=self.stereo is not None,
-            slip=float(np.sqrt(self.slip)),
+            slip=float(np.sqrt(self.errors.slip)),
             tie_points=tied,
             refused=refused,
             last=self.last,
@@ -352,4 +383,4 @@ class _Refinement:
 
     def _spurious(self) -> Sequence[FloatArray]:
         """The spurious information (3, 3) on each body's offset, in the weights' units."""
-        return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.shifts)
+        return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.errors.shifts)
