@@ -156,7 +156,7 @@ def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
 def test_a_solution_as_uncertain_as_nothing_can_be_has_diverged(monkeypatch, tumbling):
     case = make_case(TIME[:30], tumbling[:30], np.tile(START, (30, 1)), FEATURES, noise=0.02)
     assert estimate(case.tracks, method="pivot").predicted_rmse > 1e-4
-    monkeypatch.setattr("baryscope.estimator.pivot.method.MAX_LENGTH", 1e-4)
+    monkeypatch.setattr("baryscope.estimator.pivot.answer.MAX_LENGTH", 1e-4)
     with pytest.raises(ComputationError, match="diverge"):
         estimate(case.tracks, method="pivot")
 
