@@ -1,4 +1,4 @@
-"""`python -m baryscope.study.online run | report | endure`: see docs/online.md."""
+"""`python -m baryscope.study.online run | report | endure`: see docs/online-measured.md."""
 
 from baryscope.threads import prefer_one_thread
 
