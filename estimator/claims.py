@@ -32,6 +32,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
+UNLIKELY = 0.005  # number of burns that are expected, below which none is reckoned with: as many answers may be wrong
 FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
 LEAST_SHARE = 0.01  # of all frames, successive ones without a used observation
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
@@ -123,13 +124,17 @@ def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:
     """The variance (n,) of positions before and after begin … end, in s, by burns as those found between them, m².
 
     Burns at random times change the velocity as white acceleration does, of which the trace of the density is the mean
-    of their squared changes over the time between them (Campbell's theorem).
+    of their squared changes over the time between them (Campbell's theorem). That is the variance over all draws: where
+    less than one burn is expected, most have none, and some a whole one. So it is that of one there, unless one is
+    unlikely.
     """
     changes = [finding.change for finding in result.findings if isinstance(finding, UnknownBurn)]
     if not changes or end <= begin:
         return np.zeros(len(result.time))
-    density = float(np.sum(np.square(changes))) / (end - begin)
-    return density * np.abs(beyond(result.time, begin, end)) ** 3 / 3
+    away = np.abs(beyond(result.time, begin, end))
+    expected = len(changes) * away / (end - begin)
+    of_one = float(np.sum(np.square(changes))) / len(changes) * away**2 / 3
+    return np.where(expected > UNLIKELY, np.maximum(expected, 1.0), 0.0) * of_one
 
 
 def _widening(result: Estimate) -> Widening:

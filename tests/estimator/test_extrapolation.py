@@ -89,6 +89,18 @@ def test_a_path_in_view_or_of_a_model_is_not():
     assert findings(tracks_of(com, SEEN), options=PathOptions(trajectory="polynomial:8"))[1] == []
 
 
+def test_a_burn_out_of_view_is_reckoned_with_although_it_is_not_likely():
+    """One in 5,900 s is found, and one may be in the 40 s before: the chance is 1 %, and there it is."""
+    kick = np.array([2e-3, -2e-3, 2e-3])
+    com = with_kicks([(20.0, kick), (4200.0, kick)])
+    found, (finding,) = findings(tracks_of(com, (40.0, 6000.0)), orbit=ORBIT.model())
+    assert (finding.begin, finding.end, finding.contradicted) == (40.0, TIME[-1], False)
+    assert found.status is Status.NOT_CHECKED
+    error = found.position[0] - com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) > 16.3  # of three degrees of freedom, in a thousandth
+    assert findings(tracks_of(com, (40.0, 4000.0)), orbit=ORBIT.model())[1] == []
+
+
 def test_features_that_belong_to_no_body_contradict_a_path():
     """A burn before all attitudes: metres off at the first time, beyond what is claimed. The features seen there are
     tied to none, but a point of the body keeps its distance from the centre of mass.
