@@ -3,6 +3,8 @@
 import xml.etree.ElementTree as ET
 import zipfile
 
+import pytest
+
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
 from baryscope.fmu.generate.sources import MAIN, interface_headers
@@ -33,14 +35,19 @@ def mutated(source, target, mutate):
 
 
 def relinked(source, target, blueprint, fmi, changes):
-    """A copy of an FMU whose library is of changed sources: the file, what stands in it once, what takes its place."""
+    """A copy of an FMU whose library is of changed sources: the file, what stands in it once, what takes its place.
+
+    It is compiled without optimisation, for the few seconds that such a unit flies.
+    """
     _, sources = describe_unit(blueprint, fmi)
     sources = dict(sources) | interface_headers(fmi)
     for file, old, new in changes:
         assert sources[file].count(old) == 1, file
         sources[file] = sources[file].replace(old, new)
     job = Job(sources, MAIN, "library.so", host_platform(), tuple(find_compiler()))
-    [library] = compile_all([job]).values()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CFLAGS", "-O0")
+        [library] = compile_all([job]).values()
     return rewritten(source, target, lambda name, content: library if name.startswith("binaries/") else content)
 
 
