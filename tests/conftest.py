@@ -1,5 +1,6 @@
 """Fixtures that several folders share: the units are built once a session."""
 
+import gc
 import os
 import shutil
 from importlib.metadata import version
@@ -13,6 +14,9 @@ from baryscope.models.scenario import load_scenario
 
 settings.register_profile("baryscope", derandomize=True, deadline=None)
 settings.load_profile("baryscope")
+
+# Modules and tests stay for the session: what looks for reference cycles would look at them again and again.
+gc.set_threshold(20_000, 10, 100)
 
 
 def pytest_report_header():
