@@ -94,7 +94,7 @@ def test_predictions_are_judged_in_position_and_velocity():
     assert "expected ml or ekf" in predicted(estimate(sample.tracks, orbit=case.orbit), asked)[FEATURE]
 
 
-def test_a_run_with_predictions_is_none_without_and_is_resumed(tmp_path, capsys):
+def test_a_run_with_predictions_is_none_without_and_is_resumed(in_process, tmp_path, capsys):
     output = tmp_path / "results.jsonl"
     run = ["run", "--seed", "5", "--first", "1", "--cases", "1", "--methods", "pivot", "-o", str(output)]
     for more in ([], ["--ahead"], ["--ahead"]):

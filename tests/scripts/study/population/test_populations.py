@@ -9,7 +9,7 @@ from baryscope.study.population.judging import prepared
 from baryscope.study.population.populations import POPULATIONS
 
 
-def test_lines_of_the_second_say_so_and_are_resumed(tmp_path, capsys):
+def test_lines_of_the_second_say_so_and_are_resumed(in_process, tmp_path, capsys):
     output = tmp_path / "results.jsonl"
     run = ["run", "--seed", "2", "--first", "3", "--cases", "1", "--methods", "score", "-o", str(output)]
     for population in ([], ["--population", "second"], [], ["--population", "second"]):
@@ -21,7 +21,7 @@ def test_lines_of_the_second_say_so_and_are_resumed(tmp_path, capsys):
     assert "| score | yes | 2 |" in capsys.readouterr().out
 
 
-def test_estimates_without_the_orbit_alone(tmp_path):
+def test_estimates_without_the_orbit_alone(in_process, tmp_path):
     output = tmp_path / "results.jsonl"
     run = ["run", "--seed", "2", "--first", "3", "--cases", "1", "--methods", "score", "-o", str(output)]
     expected = [False], [False, True]  # then those that the file does not have yet
@@ -46,7 +46,7 @@ def test_a_case_of_the_second_is_drawn_with_other_noise(capsys):
     assert capsys.readouterr().out.startswith("2 draws, 2 of them answered without a remark; of these wrong: 0")
 
 
-def test_a_target_in_a_laboratory_is_estimated_without_an_orbit_only(tmp_path, capsys):
+def test_a_target_in_a_laboratory_is_estimated_without_an_orbit_only(in_process, tmp_path, capsys):
     index = next(index for index in range(100) if not POPULATIONS["third"](2, index)[0].orbital)
     output = tmp_path / "results.jsonl"
     main(
