@@ -41,9 +41,14 @@ def ended(number):
     return False
 
 
-@pytest.mark.parametrize("number, code", [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-@pytest.mark.parametrize("command", [["build", "-o", "x.fmu"], ["system", "-o", "x.ssp"], ["fly", "-o", "x"]])
+@pytest.mark.parametrize("command, number, code", [
+    (["build", "-o", "x.fmu"], signal.SIGTERM, 143),
+    (["build", "-o", "x.fmu"], signal.SIGINT, 130),
+    (["system", "-o", "x.ssp"], signal.SIGTERM, 143),
+    (["fly", "-o", "x"], signal.SIGTERM, 143),
+])  # fmt: skip
 def test_nothing_is_left(tmp_path, command, number, code):
+    """Commands end by one exception, whatever the signal: one of them is tried with both."""
     begun, slow = tmp_path / "begun", tmp_path / "slow-cc"
     slow.write_text(COMPILER.format(begun=begun))
     slow.chmod(0o755)
