@@ -133,12 +133,18 @@ static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3])
     }
 }
 
+#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
+
 /* What the errors of the features do: to the offset and scale that are seen, as other features are than in the node before, and to
    the attitude against that of the whole map, `turned_by`, to which it is added; in B. What is known of offset and scale goes on
-   by the regression of their change on what they were. */
+   by the regression of their change on what they were. What that leaves open is of errors that stay. Where points
+   have covariances of their own, as a rig's, by which each side of the target is weighed otherwise, it comes again with each side, and is no
+   noise, new in each node, of which many nodes make nothing. So it counts as often as there are nodes in a turn, after the nodes that
+   are kept, which are somewhat more than a turn: in the first turn nothing comes again. */
 static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Measurement *measurement,
                    double turned_by[3][3]) {
     enum { BEFORE = OF_MAP, TURNED = 2 * OF_MAP, ROWS = TURNED + 3 };
+    const double nodes = filter->pairs > 0.0 && filter->stored_count < 0.0 ? NODES_OF_A_TURN : 1.0;
     int n = 3 * (int)filter->used;
     double D[ROWS][3 * MOST_FEATURES], DP[3 * MOST_FEATURES], before[OF_MAP * OF_MAP];
     for (int j = 0; j < n; j++) {
@@ -159,7 +165,7 @@ static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3],
             if (a >= TURNED) turned_by[a - TURNED][b - TURNED] += sum;
             else if (a >= BEFORE) before[OF_MAP * (a - BEFORE) + b - BEFORE] = sum;
             else if (b >= BEFORE) measurement->follow[a][b - BEFORE] = sum;
-            else measurement->change[a][b] = sum;
+            else measurement->change[a][b] = nodes * sum;
         }
     }
     const int sure = factored(OF_MAP, before);
@@ -286,8 +292,6 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
         for (int k = 0; k < OF_THRUST; k++) measurement->c[a] += measurement->by_thrust[a][k] * filter->thrust[k];
     }
 }
-
-#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
 
 /* What a feature's error, against the map's centroid, and that of the attitude make of each other. It stays the same, until the map is
    better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,

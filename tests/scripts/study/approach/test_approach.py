@@ -71,14 +71,19 @@ def test_without_what_commands_do_the_target_moves_freely(system, envisat):
     assert (pilot.runs, pilot.refused) == (15, 0)
 
 
-def test_a_feature_that_comes_back_near_the_camera_tells_no_size_twice(tmp_path):
+@pytest.mark.parametrize("draw", [20, 79])
+def test_what_is_the_same_whenever_a_side_is_seen_tells_no_size_twice(draw, tmp_path):
     """Draw 20 of seed 1: one of twelve features is out of view from 145 to 312 s, and comes back near the camera.
 
     Of what is seen of the map then, half the error of the size is that of before: as if it were another one, on top of
-    that, the size was told from how far the place jumped, and the CoM was wrong from there on. The mean of the NEES
-    every 100 s is below the 99.9 % quantile of one χ², as errors of the size stay.
+    that, the size was told from how far the place jumped, and the CoM was wrong from there on.
+
+    Draw 79: depths weigh the features otherwise from each side, and so do their errors, alike in each turn. As noise
+    that is new in each node they averaged out: the size was claimed three times too well known, NEES was 30.
+
+    The mean of the NEES every 100 s is below the 99.9 % quantile of one χ², as errors of the size stay.
     """
-    loop = fly_loop(build_system(drawn(1, 20), tmp_path / "chain.ssp"), duration=900.0, approach=True)
+    loop = fly_loop(build_system(drawn(1, draw), tmp_path / "chain.ssp"), duration=900.0, approach=True)
     assert loop.tracking[[*range(399, 900, 100)]].all()
     assert loop.nees[[*range(399, 900, 100)]].mean() < chi2.ppf(0.999, 3)
 
