@@ -3,6 +3,7 @@
 import ctypes
 import subprocess
 
+from baryscope.estimator.online.core import sources
 from baryscope.fmu.generate.compiler import WARNINGS, find_compiler
 
 
@@ -24,3 +25,10 @@ def library_of(folder, code, *arguments):
     (folder / "code.c").write_text(code)
     compiled(folder, "-fPIC", "-shared", *arguments, "code.c", "-o", "code.so", "-lm")
     return ctypes.CDLL(str(folder / "code.so"))
+
+
+def online_core_of(folder, code, *arguments):
+    """The functions of a text of C that includes library.c, the online estimator, as a shared library in the folder."""
+    for name, content in sources().items():
+        (folder / name).write_bytes(content)
+    return library_of(folder, code, *arguments)

@@ -13,7 +13,7 @@ from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, Stat
 from baryscope.estimator.online.estimator import REFUSED
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.sensor.navigation import STATUSES
-from compiling import library_of
+from compiling import library_of, online_core_of
 
 HEADER = re.sub(
     r"/\*.*?\*/", "", (files("baryscope.fmu") / "csrc" / "online" / "online.h").read_text("utf-8"), flags=re.DOTALL
@@ -118,10 +118,7 @@ int raised(Online *filter, double time, double size, double deviation, double ac
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory):
     """The core with `raised`."""
-    folder = tmp_path_factory.mktemp("watched")
-    for name, content in sources().items():
-        (folder / name).write_bytes(content)
-    library = library_of(folder, EXCEPTIONS, "-Wno-unknown-pragmas")
+    library = online_core_of(tmp_path_factory.mktemp("watched"), EXCEPTIONS, "-Wno-unknown-pragmas")
     library.raised.argtypes = [ctypes.c_void_p, *[ctypes.c_double] * 4, ctypes.c_void_p]
     library.online_size.restype = ctypes.c_ulonglong
     return library

@@ -5,8 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from baryscope.estimator.online.core import sources
-from compiling import library_of
+from compiling import online_core_of
 
 FUNCTIONS = """#include "library.c"
 int level(void) { return PATH_AND_MAP; }
@@ -33,10 +32,7 @@ void answer(double of_shadow[PATH_AND_MAP][PATH_AND_MAP], double of_member[PATH_
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("core")
-    for name, content in sources().items():
-        (folder / name).write_bytes(content)
-    return library_of(folder, FUNCTIONS)
+    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
 
 
 @pytest.mark.parametrize("times", [0.5, 1.0, 4.0])

@@ -10,10 +10,9 @@ from scipy.stats import chi2
 
 import oracles
 from baryscope.estimator.online import OnlineEstimator, Thrust
-from baryscope.estimator.online.core import sources
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
-from compiling import library_of
+from compiling import online_core_of
 from tops import DRIFT, SIGMA, START, attitudes, flown_beside, run, straight, tracks, two_sides
 
 ACCELERATION = np.array([2e-3, -1e-3, 5e-4])  # m/s²
@@ -246,10 +245,7 @@ void of_node(double manoeuvred, double by_thrust[3][4], double of_thrust[4][4], 
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("core")
-    for name, content in sources().items():
-        (folder / name).write_bytes(content)
-    return library_of(folder, FUNCTIONS)
+    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
 
 
 def called(function, *arrays):
