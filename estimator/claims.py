@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of, with_attitude
-from baryscope.estimator.adjustment.distances import contradict
+from baryscope.estimator.distances import contradict
 from baryscope.estimator.findings import (
     Departure,
     ExcessResiduals,

@@ -25,7 +25,7 @@ LAYERS = [
     ["estimator.details", "estimator.dynamics"],
     ["estimator.turning"],
     ["estimator.prediction"],
-    ["estimator.findings"],
+    ["estimator.findings", "estimator.distances"],
     ["estimator.result"],
     ["estimator.adjustment", "estimator.prose"],
     ["estimator.orbits"],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator import PathOptions, estimate
+from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.findings import Departure, ExcessResiduals, FramesLeftOut, LackOfFit
 from baryscope.estimator.result import Motion, Noise, ProcessNoise, Status
@@ -14,13 +14,18 @@ from synthetic import make_case
 SEEN = ProcessNoise("estimated", 2e-9, (1e-9, 4e-9), 28.0, 0.01)  # by chance in 6e-8
 
 
+def claim_of(result):
+    """What it claims of features that are seen where the estimate has them."""
+    return claimed(result, FeatureTracks(result.time, result.position[:, None] + result.residuals, result.labels))
+
+
 def test_a_departure_of_a_path_with_a_model_is_named():
-    found = claimed(an_estimate(path="relative-orbit", process_noise=SEEN))
+    found = claim_of(an_estimate(path="relative-orbit", process_noise=SEEN))
     assert found.findings == (Departure("relative-orbit", 0.01, 2e-9, 28.0),)
     assert found.status is Status.GOOD
     for path, significance in (("polynomial", 28.0), ("relative-orbit", 26.0)):
         noise = ProcessNoise("estimated", 2e-9, (1e-9, 4e-9), significance, 0.01)
-        assert claimed(an_estimate(path=path, process_noise=noise)).findings == ()
+        assert claim_of(an_estimate(path=path, process_noise=noise)).findings == ()
 
 
 def test_chance_is_half_of_chi_square():
@@ -30,20 +35,20 @@ def test_chance_is_half_of_chi_square():
 
 def test_what_fits_claims_what_it_did():
     plain = an_estimate()
-    assert claimed(plain).covariance is plain.covariance
+    assert claim_of(plain).covariance is plain.covariance
 
 
 def test_misfits_widen_by_what_they_show():
     """Residuals are 1 cm in every coordinate; 1 − 1/2² of their square is misfit. Ten frames span 9 s."""
     motion = Motion(velocity_covariance=np.tile(1e-6 * np.eye(3), (10, 1, 1)))
     plain = an_estimate(findings=(ExcessResiduals("fixed", 2.0),), noise=Noise(0.01, 0.03), motion=motion)
-    found = claimed(plain)
+    found = claim_of(plain)
     np.testing.assert_allclose(found.covariance, 9 * plain.covariance + 0.75e-4 * np.eye(3))
     np.testing.assert_allclose(found.clusters[0].covariance, 9 * plain.clusters[0].covariance + 0.75e-4 * np.eye(3))
     speed = 0.75e-4 * (2 * np.pi / 9) ** 2
     np.testing.assert_allclose(found.motion.velocity_covariance[0], (9e-6 + speed) * np.eye(3))
     np.testing.assert_allclose(found.observability.body.deviations[-1] ** 2, 9 * 9e-4 + 0.75e-4)
-    bent = claimed(an_estimate(findings=(LackOfFit("fixed", 0.3, 90.0, 3),)))
+    bent = claim_of(an_estimate(findings=(LackOfFit("fixed", 0.3, 90.0, 3),)))
     np.testing.assert_allclose(bent.covariance, plain.covariance + 0.03 * np.eye(3))
 
 
@@ -101,5 +106,5 @@ def test_frames_are_left_out_together_or_by_chance(left_out, named):
     rejected = np.zeros((30, 4), dtype=bool)
     rejected[list(left_out)] = True
     residuals = np.where(rejected[..., None], [0.3, 0.0, 0.4], 0.01)
-    found = claimed(an_estimate(frames=30, rejected=rejected, residuals=residuals))
+    found = claim_of(an_estimate(frames=30, rejected=rejected, residuals=residuals))
     assert found.findings == (() if named is None else (FramesLeftOut(*named, pytest.approx(0.5)),))

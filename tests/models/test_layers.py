@@ -10,11 +10,13 @@ FILES = "baryscope.models.scenario", "baryscope.models.sensor", "pydantic"
 ABOVE = "baryscope.estimator", "baryscope.fmu", "baryscope.study", "baryscope.scripts"
 DYNAMICS = sorted((ROOT / "models").glob("*.py"))
 # The bound is that of a scenario; pydantic makes the schema of the file that an estimate is written to, and reads rigs.
-FILED = {"bound.py", "document.py", "document_details.py", "lens.py", "rig.py"}
+FILED, FILES_OF_AN_ESTIMATE = {"bound.py", "lens.py", "rig.py"}, ROOT / "estimator" / "document"
 # The online estimator is C, compiled as the units are.
 COMPILED = ROOT / "estimator" / "online"
 ESTIMATORS = sorted(
-    path for path in (ROOT / "estimator").rglob("*.py") if path.name not in FILED and COMPILED not in path.parents
+    path
+    for path in (ROOT / "estimator").rglob("*.py")
+    if path.name not in FILED and not {COMPILED, FILES_OF_AN_ESTIMATE} & set(path.parents)
 )
 SCENARIO, SENSOR = (sorted((ROOT / "models" / room).glob("*.py")) for room in ("scenario", "sensor"))
 

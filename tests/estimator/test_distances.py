@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
-from baryscope.estimator.adjustment.distances import contradict
+from baryscope.estimator.distances import contradict
 
 FRAMES, FEATURES, NOISE = 40, 12, 0.02
 POINTS = np.random.default_rng(1).uniform(-3.0, 3.0, (FEATURES, 3))

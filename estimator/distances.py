@@ -9,13 +9,13 @@ follows from how many there are.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, chi2
+from scipy.special import bdtrc, chdtri
 
 FloatArray = NDArray[np.float64]
 
 FEWEST = 2  # observations of a feature: one in each half
 MEDIAN_LOSS = np.pi / 2  # variance of a median of many normal values over that of their mean
-CHANGED = float(chi2.isf(1e-4, 1))  # squared change over its variance, beyond which it is none by noise
+CHANGED = float(chdtri(1, 1e-4))  # squared change over its variance, beyond which it is none by noise
 BY_CHANCE = 1e-3  # probability of so many changes by outliers
 
 
@@ -41,7 +41,7 @@ def contradict(arm: FloatArray, variance: FloatArray, errors: FloatArray, outlie
             expected += MEDIAN_LOSS * float(variance[half, feature].mean()) / len(half)
         changed += int(change**2 > CHANGED * expected)
         # A median of n is as wrong as half of them are.
-        wrong = sum(float(binom.sf((len(half) - 1) // 2, len(half), outliers)) for half in halves)
+        wrong = sum(float(bdtrc((len(half) - 1) // 2, len(half), outliers)) for half in halves)
         by_outliers.append(min(wrong, 1.0))
     return changed > 0 and _at_least(changed, by_outliers) < BY_CHANCE
 
