@@ -27,7 +27,7 @@ class InitialSolution:
     their own. lasting: how many frames have the same errors of the features, as the registered bodies tell; variance:
     of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a simple path,
     which holds until the weights have settled; slips: whether the position may have white noise, as that of a pivot
-    that slips.
+    that slips, or of a camera that shakes.
     """
 
     path: Path

@@ -94,7 +94,9 @@ def _of_chosen_degree(
         ComputationError: the tracks do not determine the unknowns.
     """
     time, errors = data.tracks.time, errors_of(data.tracks)
-    slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
+    # On an orbit no pivot slips, but a camera shakes: unless it is told by how much.
+    told = trajectory.kind == "relative-orbit" and errors is not None and errors.noisy
+    slips = options.process_noise == "auto" and not told
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, float(time[0]), float(time[-1]), errors, highest)
         start = replace(data.start(path), slips=slips)

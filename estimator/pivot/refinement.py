@@ -274,6 +274,8 @@ class _Refinement:
             slip = position_variance(*at, self.least, given.lasting, STILL if given.slip > 0 else SIGNIFICANT)
             self.errors = replace(self.errors, slip=slip)
             if abs(slip - given.slip) > SLIP_TOLERANCE * max(slip, given.slip):
+                if given.slip == 0:  # all that was found without may be far from what is found with it
+                    self._go_on_for(MAX_ROUNDS)
                 return False
         lasting = frames_per_error(*at)
         self.errors = replace(self.errors, lasting=lasting)
