@@ -23,8 +23,10 @@ from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, bu
 from baryscope.estimator.pivot.burns.search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
-from baryscope.estimator.pivot.reduced import bounded_cost, fixed_at, scaled
+from baryscope.estimator.pivot.joint_covariance import is_at_rest
+from baryscope.estimator.pivot.reduced import fixed_at, scaled
 from baryscope.estimator.pivot.refinement import refined
+from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -80,10 +82,22 @@ def _with_likeliest(
         gains = np.array(_gains(burned))
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
         if not len(idle):
-            return (burned, again) if burned.converged and _likelier(burned, found) else None
+            burned = burned if burned.converged else _gone_on(burned, again, options)
+            return (burned, again) if burned.converged and _likelier(burned, found, start) else None
         # Without one of them others may be needed: half of them, so that even many soon come to an end.
         fit = without(equations, fit, idle[np.argsort(gains[idle])[: (len(idle) + 1) // 2]])
     return None
+
+
+def _gone_on(found: Pivot, start: InitialSolution, options: PathOptions) -> Pivot:
+    """The solution that is reached from one that has not converged, unless that is at rest.
+
+    The search knows the attitudes of the registration, of which some are spoilt by outliers or by poor depths: from
+    there it takes more rounds until the weights have settled.
+    """
+    if is_at_rest(found):
+        return replace(found, converged=True)
+    return refined(start.on(found.path, found.sampled.itself, found.solution.x).near(found), options)
 
 
 def _left_out(found: Pivot, start: InitialSolution) -> float:
@@ -139,10 +153,10 @@ def _cost_without(linear: GaussianLikelihood, prior: Prior, gone: NDArray[np.int
     return cost(few, own, maximise(few, own)) + more
 
 
-def _likelier(one: Pivot, other: Pivot) -> bool:
-    """Whether the marginal likelihood of a solution is greater, with outliers of a bounded cost."""
+def _likelier(one: Pivot, other: Pivot, start: InitialSolution) -> bool:
+    """Whether the marginal likelihood of the observations of a start is greater in one solution than in another.
+
+    Frames of two features that only one of them has found a place for are no evidence for it.
+    """
     variance = min(one.variance, other.variance)
-    first, second = (
-        bounded_cost(found.problem, found.observations.weight, variance, found.path.prior) for found in (one, other)
-    )
-    return first < second
+    return cost_of(one, start, variance) < cost_of(other, start, variance)

@@ -10,6 +10,7 @@ from baryscope.estimator.document.document import document_of
 from baryscope.estimator.findings import EstimatedOrbit, UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot import refinement
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -78,6 +79,14 @@ def test_two_burns(method):
     # χ²/n of one path, all of whose errors hang together, stays below 12 in 99 %.
     assert nees(found, made.com).mean() < 12
     assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
+
+
+def test_burns_that_take_more_rounds_are_found(monkeypatch):
+    """Three do for a path, not for one with burns: what was far likelier was dropped, as it had not converged."""
+    monkeypatch.setattr(refinement, "MAX_ROUNDS", 3)
+    found = estimate(case((LONG, SHORT)).tracks, orbit=ORBIT)
+    assert found.status is Status.GOOD
+    assert_found(found, (LONG, SHORT))
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml"])
