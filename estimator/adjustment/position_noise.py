@@ -28,6 +28,7 @@ CLEAR = 1.0  # standard deviations, from which slips last: to take those that do
 LONGER, FEWEST_SPANS = 4, 8  # factor from spans to longer ones; how many spans there are, at least
 UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
 MOST_EXPLAINED = 0.8  # share of the slips' variance
+BLOCKS, BLOCK = 5, 1200  # of successive frames of a body that are looked at where slow slips are none of it, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ def position_variance(
     variance: float,
     lasting: float = 1.0,
     significant: float = SIGNIFICANT,
+    *,
+    slow: bool = True,
 ) -> float:
     """The variance of a coordinate as of white noise, m², s² (1 + 2 Σ ρ), zero unless it is significant.
 
@@ -64,10 +67,11 @@ def position_variance(
     those count that show a slip best.
 
     origin (n, 3) in C, m: the path; variance: of an observation of weight 1; lasting: in how many frames it is the
-    same; significant: 2 ln of the likelihood ratio to no noise, below which there is none.
+    same; significant: 2 ln of the likelihood ratio to no noise, below which there is none; slow: whether slips may be
+    slow. Of a path with process noise they are the path's: the frames by themselves tell, of which some thousands do.
     """
-    frames = [_of_frames(body, observations, origin) for body in bodies]
-    longest, span, found = max(len(rhs) for _, rhs in frames), 1, 0.0
+    frames = [_of_frames(body if slow else _some_of(body), observations, origin) for body in bodies]
+    longest, span, found = max(len(rhs) for _, rhs in frames) if slow else 1, 1, 0.0
     while span == 1 or FEWEST_SPANS * span <= longest:
         # Of many frames together the errors that last are as great as κ tells, of a single one they are in its noise.
         own = variance if span == 1 else lasting * variance
@@ -77,6 +81,17 @@ def position_variance(
             found, significant = slip * span * _frames_of_a_slip(series, slip), gained
         span *= LONGER
     return found
+
+
+def _some_of(body: Body) -> Body:
+    """A body in evenly spaced blocks of successive frames, so that what hangs together does."""
+    n = len(body.frames)
+    if n <= BLOCKS * BLOCK:
+        return body
+    kept = np.zeros(n, dtype=bool)
+    begins = np.linspace(0, n - BLOCK, BLOCKS).astype(np.intp)
+    kept[np.add.outer(begins, np.arange(BLOCK))] = True
+    return body.in_frames(kept)
 
 
 def _of_frames(body: Body, observations: Observations, origin: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -271,7 +271,8 @@ class _Refinement:
         """
         given, at = self.errors, (self.bodies, self.observations, self._origin())
         if self.start.slips:
-            slip = position_variance(*at, self.least, given.lasting, STILL if given.slip > 0 else SIGNIFICANT)
+            significant, slow = STILL if given.slip > 0 else SIGNIFICANT, self.path.name != "relative-orbit"
+            slip = position_variance(*at, self.least, given.lasting, significant, slow=slow)
             self.errors = replace(self.errors, slip=slip)
             if abs(slip - given.slip) > SLIP_TOLERANCE * max(slip, given.slip):
                 if given.slip == 0:  # all that was found without may be far from what is found with it

@@ -6,6 +6,9 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.position_noise import position_variance
+from baryscope.estimator.registration.body import Body
 from free_paths import ORBIT, at_rest, in_orbit, turning
 from synthetic import make_case
 
@@ -210,3 +213,16 @@ def test_slips_do_not_turn_a_body_that_hardly_nutates():
         slips.append(found.details.position_noise)
     assert np.mean(squares) < 3 + 5 * np.sqrt(6 / 12)
     assert np.mean(slips) == pytest.approx(slip, rel=4 / np.sqrt(2 * 900 * 12))
+
+
+def test_of_many_frames_some_tell_how_much_a_camera_shakes():
+    """12,000 frames, of which half are looked at: 18,000 values tell the deviation to 0.5 %; three times that."""
+    time = 0.05 * np.arange(12_000.0)
+    com, shift = at_rest(time), 5e-3
+    rng = np.random.default_rng(1)
+    moved = com + shift * rng.standard_normal(com.shape)
+    R = top(time, 0.3)
+    position = moved[:, None] + OF_TOP @ np.swapaxes(R, 1, 2) + 1e-3 * rng.standard_normal((12_000, 4, 3))
+    body = Body(np.arange(4), np.arange(12_000), OF_TOP, R)
+    found = position_variance((body,), Observations(position, np.ones((12_000, 4))), com, 1e-6, slow=False)
+    assert np.sqrt(found) == pytest.approx(shift, rel=0.015)
