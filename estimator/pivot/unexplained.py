@@ -43,11 +43,19 @@ def with_needed_noise(found: Pivot, start: InitialSolution, options: PathOptions
         other = refined(replace(near, first_prior=path.prior.holding({DENSITY: np.log(FAINT)})), options)
     except ComputationError:
         return found
+    return other if gain_over(found, other, start) > SIGNIFICANT else found
+
+
+def gain_over(found: Pivot, other: Pivot, start: InitialSolution) -> float:
+    """What −2 ln of the marginal likelihood of a start's observations is less by in another solution than in one.
+
+    For the least variance of both. Frames of two features that only one has found a place for are no evidence for it.
+    """
     variance = min(found.variance, other.variance)
-    return other if cost_of(other, start, variance) < cost_of(found, start, variance) - SIGNIFICANT else found
+    return _cost_of(found, start, variance) - _cost_of(other, start, variance)
 
 
-def cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
+def _cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
     """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
     cost.
     """

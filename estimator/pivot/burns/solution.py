@@ -26,7 +26,7 @@ from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.reduced import fixed_at, scaled
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import cost_of
+from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -83,7 +83,7 @@ def _with_likeliest(
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
         if not len(idle):
             burned = burned if burned.converged else _gone_on(burned, again, options)
-            return (burned, again) if burned.converged and _likelier(burned, found, start) else None
+            return (burned, again) if burned.converged and gain_over(found, burned, start) > 0 else None
         # Without one of them others may be needed: half of them, so that even many soon come to an end.
         fit = without(equations, fit, idle[np.argsort(gains[idle])[: (len(idle) + 1) // 2]])
     return None
@@ -151,12 +151,3 @@ def _cost_without(linear: GaussianLikelihood, prior: Prior, gone: NDArray[np.int
     few, more = fixed_at(linear, gone, np.zeros(len(gone)))
     own = prior.of(np.setdiff1d(np.arange(len(linear.x)), gone))
     return cost(few, own, maximise(few, own)) + more
-
-
-def _likelier(one: Pivot, other: Pivot, start: InitialSolution) -> bool:
-    """Whether the marginal likelihood of the observations of a start is greater in one solution than in another.
-
-    Frames of two features that only one of them has found a place for are no evidence for it.
-    """
-    variance = min(one.variance, other.variance)
-    return cost_of(one, start, variance) < cost_of(other, start, variance)

@@ -21,7 +21,7 @@ from baryscope.estimator.orbits.error import (
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import cost_of
+from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
@@ -46,8 +46,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
     pushed = refined_on(push, path, found, start, options)
     if pushed is None:
         return corrected
-    variance = min(corrected.variance, pushed.variance)
-    return found if cost_of(pushed, start, variance) < cost_of(corrected, start, variance) else corrected
+    return found if gain_over(corrected, pushed, start) > 0 else corrected
 
 
 def refined_on(

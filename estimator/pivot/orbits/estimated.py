@@ -16,7 +16,7 @@ from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import cost_of
+from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.errors import ComputationError, InputError
 
 CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
@@ -33,8 +33,7 @@ def with_estimated_orbit(found: Pivot, start: InitialSolution, options: PathOpti
         other, fresh = _refined_on(fit, found, start, options)
     except (ComputationError, InputError):  # the latter of an orbit that is none
         return found, start
-    variance = min(found.variance, other.variance)
-    gain = cost_of(found, start, variance) - cost_of(other, start, variance) - fit.prior_cost
+    gain = gain_over(found, other, start) - fit.prior_cost
     return (other, fresh) if other.converged and gain >= DECISIVE else (found, start)
 
 

@@ -24,7 +24,7 @@ from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
 from baryscope.estimator.pivot.reduced import fixed_at
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import cost_of
+from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
@@ -57,7 +57,7 @@ def with_oblateness(
     test = _ScoreTest.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
     if test.gain >= DECISIVE:
         other = _refined(fresh, found, options)
-        if other is not None and _is_likelier(other, found, start):
+        if other is not None and gain_over(found, other, start) >= 0:
             return other, fresh, oblate
     if test.gain <= -DECISIVE or test.displacement < NOTICEABLE:
         return found, start, orbit
@@ -93,12 +93,6 @@ def _refined(fresh: InitialSolution, found: Pivot, options: PathOptions) -> Pivo
     except ComputationError:
         return None
     return other if other.converged else None
-
-
-def _is_likelier(other: Pivot, found: Pivot, start: InitialSolution) -> bool:
-    """Whether a solution costs no more than another one, both from observations of a start."""
-    variance = min(found.variance, other.variance)
-    return cost_of(other, start, variance) <= cost_of(found, start, variance)
 
 
 @dataclass(frozen=True)
