@@ -48,11 +48,11 @@ class Pivot:
     """The solution of `pivot`, from which `ml` starts.
 
     path, and sampled at the tracks' times, (n,) in s, as the camera sees it; inliers (n, m): which observations passed
-    the screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with
-    their final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a
-    factor on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same
-    errors of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of
-    unknowns of x that the observations determine.
+    the screening; solution: bodies with points from the centre of mass, and the path's x; untied: where the iteration
+    has ended, without tie points; observations (n, m) with their final weights; frame_variance of an observation of
+    weight 1, as given or from the residuals: in m², or as a factor on the given covariances; residual_variance: that
+    from the residuals; lasting: how many frames have the same errors of the features; posterior of x and of the
+    hyperparameters of its prior; path_unknowns: the number of unknowns of x that the observations determine.
     regularisation: what the bodies' offsets are held by, and offset_information (k, 3, 3): how firmly in the last step,
     in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
@@ -64,6 +64,7 @@ class Pivot:
     time: FloatArray
     inliers: BoolArray
     solution: Solution
+    untied: Solution
     observations: Observations
     frame_variance: float
     residual_variance: float
@@ -96,6 +97,14 @@ class Pivot:
     def problem(self) -> Linearised:
         """The least-squares problem linearised at the solution."""
         at = self.bodies, self.observations, self.sampled, self.solution.x
+        return linearised(*at, self.shifts, self.offset_information)
+
+    @cached_property
+    def untied_problem(self) -> Linearised:
+        """The least-squares problem linearised where the iteration has ended, without tie points."""
+        if not self.tie_points:
+            return self.problem
+        at = self.untied.bodies, self.observations, self.sampled, self.untied.x
         return linearised(*at, self.shifts, self.offset_information)
 
     @cached_property

@@ -344,6 +344,7 @@ class _Refinement:
             time=self.start.time,
             inliers=self.inliers,
             solution=solution,
+            untied=self.solution,
             observations=self.observations,
             frame_variance=scale,
             residual_variance=self.variance,

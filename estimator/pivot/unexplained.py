@@ -57,10 +57,10 @@ def gain_over(found: Pivot, other: Pivot, start: InitialSolution) -> float:
 
 def _cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
     """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
-    cost.
+    cost. Tie points are none of them: they move the path's noise to where it is unlikely, if it is that of none.
     """
     weight = np.where(start.observations.weight > 0, found.observations.weight, 0.0)
-    return bounded_cost(found.problem, weight, variance, found.path.prior, found.posterior.theta)
+    return bounded_cost(found.untied_problem, weight, variance, found.path.prior, found.posterior.theta)
 
 
 def following_rotation(found: Pivot, observability: Observability) -> tuple[FollowsRotation, ...]:
