@@ -5,7 +5,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from synthetic import MU, Orbit
+from baryscope.estimator.tracks import FeatureTracks
+from synthetic import ENVISAT, MU, Orbit, attitude, box_features, rig_tracks
 
 
 def axes(r, v):
@@ -49,3 +50,23 @@ def path_with_burns(time, burns, offset=(0.0, -20.0, 3.0)):
             found[here] = -part.sol(time[here])[6:9].T
         state = part.y[:, -1]
     return found
+
+
+def tracks_of_faces(time, com, rate, count, *, seed, baseline):
+    """Tracks of a tumbling box by a rig of a baseline in m, which sees the features of the faces that look at it.
+
+    com (n, 3): the path of the centre of mass, which is not that of the box; rate: angular rate at first, deg/s.
+    """
+    size, centre = np.array([8.0, 3.0, 3.0]), np.array([0.8, 0.5, -0.4])
+    features, R = box_features(count, tuple(size), seed, tuple(centre)), attitude(ENVISAT, np.deg2rad(rate), time)
+    tracks = rig_tracks(time, R, com, features, seed=seed, baseline=baseline)
+    on_box = (features - centre) / (size / 2)
+    face = np.argmax(np.abs(on_box), axis=1)
+    normals = np.zeros_like(features)
+    normals[np.arange(count), face] = np.sign(on_box[np.arange(count), face])
+    sight = -(com[:, None] + np.einsum("nij,mj->nmi", R, features))
+    sight /= np.linalg.norm(sight, axis=2, keepdims=True)
+    seen = np.einsum("nmi,nmi->nm", np.einsum("nij,mj->nmi", R, normals), sight) > 0.15
+    position = np.where(seen[..., None], tracks.position, np.nan)
+    covariance = np.where(seen[..., None, None], tracks.covariance, np.nan)
+    return FeatureTracks(time, position, tracks.labels, covariance)

@@ -37,6 +37,7 @@ QUIET = 100.0  # precision of a cell by its noise over its information: noise wi
 NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
 BENT = 0.1  # of the deviation of a mean of all frames: what the path may be off by, where it is linear in the burns
 SETTLING = 8  # fits of the burns' times
+FAINT = 1e-14  # m/s²: an acceleration without an effect, 1 mm in five days
 TOLERANCE = 3.0  # of 2 ln p, by which the priors' changes with the times may lower it
 
 
@@ -179,6 +180,15 @@ class BurnEquations:
                 break
         fit = self.fitted(fit.burns, fit.variance, 1, limit, bend, near=fit.theta)
         return fit if fit.score < first.score + TOLERANCE else first
+
+    def without_smooth(self, fit: BurnFit) -> BurnFit:
+        """The fit without accelerations that are no burns, which the path has none of: it has to do with its noise."""
+        own = self.offsets + self.base.size
+        if own == len(self.others.offset):
+            return fit
+        offset = np.append(self.others.offset[:own], np.full(len(self.others.offset) - own, 2 * np.log(FAINT)))
+        alone = replace(self, others=replace(self.others, offset=offset))
+        return alone.fitted(fit.burns, fit.variance, NOISE_ROUNDS, bend=fit.bend, near=fit.theta)
 
     def path_in(self, fit: BurnFit) -> FloatArray:
         """The unknowns (p,) of the path in a fit."""

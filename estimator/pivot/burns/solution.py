@@ -77,7 +77,7 @@ def _with_likeliest(
         ComputationError: a solution with burns diverges.
     """
     while fit.burns:
-        again = _start(start, registered, fit, equations.orbit)
+        again = _start(start, registered, equations.without_smooth(fit), equations.orbit)
         burned = refined(again, options)
         gains = np.array(_gains(burned))
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))

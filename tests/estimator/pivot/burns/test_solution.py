@@ -1,5 +1,6 @@
 """Burns that nothing told are found, bridged and listed; where there are none, none is found."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +17,7 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
-from burning import path_with_burns
+from burning import path_with_burns, tracks_of_faces
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
 ORBIT = Orbit().model()
@@ -87,6 +88,26 @@ def test_burns_that_take_more_rounds_are_found(monkeypatch):
     found = estimate(case((LONG, SHORT)).tracks, orbit=ORBIT)
     assert found.status is Status.GOOD
     assert_found(found, (LONG, SHORT))
+
+
+PULSES = (
+    (70.0, 74.0, (-0.008, -0.0015, 0.0045)),
+    (187.0, 192.0, (0.0055, -0.001, -0.007)),
+    (300.0, 303.0, (-0.003, 0.002, 0.002)),
+)
+
+
+def test_pulses_of_a_chaser_that_holds_its_place():
+    """The refinement began from the search's path without the slow accelerations beside which it had been fitted: off
+    by a decimetre, it ended far from the burns, and all was left to process noise.
+    """
+    time = np.arange(0.0, 400.0)
+    com = path_with_burns(time, PULSES)
+    found = estimate(tracks_of_faces(time, com, (0.4, 2.0, 1.2), 14, seed=2, baseline=0.4), orbit=ORBIT)
+    bridged = [one for one in found.findings if isinstance(one, UnknownBurn)]
+    assert_found(replace(found, findings=tuple(bridged)), PULSES)
+    assert found.process_noise.negligible
+    assert nees(found, com).mean() < 12
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml"])
