@@ -12,14 +12,14 @@ from dataclasses import replace
 
 from baryscope.estimator.findings import FREE_TUMBLE, ExcessResiduals, FreeAttitudes
 from baryscope.estimator.ml.answer import answer_of
+from baryscope.estimator.ml.burns import with_burns_of_tumble
 from baryscope.estimator.ml.either import with_other
 from baryscope.estimator.ml.iteration import STAGE
-from baryscope.estimator.ml.search import likely_tumbles
+from baryscope.estimator.ml.search import LikelyTumbles, likely_tumbles
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.answer import estimate_of
-from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.pivot.method import PivotProblem
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Estimate
@@ -41,18 +41,18 @@ def estimate_by_likelihood(
     """
     begin, done = clock.perf_counter(), Rounds(progress)
     torques = torques_of(orbit, options)
-    pivot = solve_pivot(tracks, orbit, options)
-    if (part := estimated_orbit_in(pivot.path)) is not None:
+    problem = PivotProblem.of(tracks, orbit, options)
+    if (part := estimated_orbit_in(problem.solved.path)) is not None:
         torques = torques_of(part.orbit, options)
     done.did(STAGE)
     try:
-        found = _tumbling(tracks, pivot, torques, options, done)
+        found, problem = _tumbling(problem, torques, done)
         reason = _without_tumble(found, options)
     except ComputationError as error:
         reason = str(error)
     if reason is None:
         return replace(found, wall_time=clock.perf_counter() - begin)
-    free = estimate_of(pivot, tracks, options, begin)
+    free = estimate_of(problem.solved, tracks, options, begin)
     return replace(free, method="ml", findings=(*free.findings, FreeAttitudes(reason)))
 
 
@@ -66,16 +66,31 @@ def _without_tumble(found: Estimate, options: PathOptions) -> str | None:
     return sentence(misfits[0]) if misfits else None
 
 
-def _tumbling(
-    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
-) -> Estimate:
-    """The estimate with a tumble, from the solution of `pivot`, without the time it took.
+def _tumbling(problem: PivotProblem, torques: tuple[Orbit | None, ...], done: Rounds) -> tuple[Estimate, PivotProblem]:
+    """The estimate with a tumble, without the time it took, and the problem of `pivot` from which it is reached: with
+    burns that the tumble shows, if it does.
 
     Raises:
         ComputationError: no tumble is found.
     """
-    tracks, pivot, best, other = likely_tumbles(tracks, solved, torques, options, done)
-    found = answer_of(tracks, pivot, best, options)
-    if other is None:
-        return found
-    return with_other(found, answer_of(tracks, pivot, other.maximum, options), other.probability)
+    options = problem.options
+    found = likely_tumbles(problem.tracks, problem.solved, torques, options, done)
+    burned = with_burns_of_tumble(problem, found.pivot, found.best)
+    if burned is not None:
+        again = _of_burned(burned, torques, done)
+        if again is not None:
+            problem, found = burned, again
+    answer, other = answer_of(found.tracks, found.pivot, found.best, options), found.other
+    if other is not None:
+        second = answer_of(found.tracks, found.pivot, other.maximum, options)
+        answer = with_other(answer, second, other.probability)
+    return answer, problem
+
+
+def _of_burned(problem: PivotProblem, torques: tuple[Orbit | None, ...], done: Rounds) -> LikelyTumbles | None:
+    """The tumbles from a solution with burns; None if they do not converge."""
+    try:
+        found = likely_tumbles(problem.tracks, problem.solved, torques, problem.options, done)
+    except ComputationError:
+        return None
+    return found if found.best.converged else None

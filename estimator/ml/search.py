@@ -40,6 +40,19 @@ class AlternativeTumble:
     probability: float
 
 
+@dataclass(frozen=True, eq=False)
+class LikelyTumbles:
+    """The maximum of the likelihood, and the other model if it is likely, too.
+
+    tracks, and the solution of `pivot`, with a column for each point, if labels do not tell these apart.
+    """
+
+    tracks: FeatureTracks
+    pivot: Pivot
+    best: MaximumAPosteriori
+    other: AlternativeTumble | None = None
+
+
 def likeliest_tumble(
     tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
 ) -> tuple[FeatureTracks, Pivot, MaximumAPosteriori]:
@@ -56,8 +69,8 @@ def likeliest_tumble(
 
 def likely_tumbles(
     tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
-) -> tuple[FeatureTracks, Pivot, MaximumAPosteriori, AlternativeTumble | None]:
-    """The same by all observations, and the other model if it is likely, too.
+) -> LikelyTumbles:
+    """The likeliest tumble by all observations, and the other model if it is likely, too.
 
     Raises:
         ComputationError: no tumble is found.
@@ -65,26 +78,27 @@ def likely_tumbles(
     tracks, pivot, tumbles = _fitted(tracks, solved, torques, done)
     best = _maximum(tracks, pivot, tumbles[0], options, done)
     if len(tumbles) < 2:
-        return tracks, pivot, best, None
+        return LikelyTumbles(tracks, pivot, best)
     excess = tumbles[1].excess - tumbles[0].excess
     if excess > UNDECIDED:
-        return tracks, pivot, best, None
+        return LikelyTumbles(tracks, pivot, best)
     if _distance(*tumbles) < ALIKE:
         other = replace(best, rotation=replace(best.rotation, orbit=tumbles[1].rotation.orbit))
-        return tracks, pivot, best, AlternativeTumble(other, _probability(excess))
+        return LikelyTumbles(tracks, pivot, best, AlternativeTumble(other, _probability(excess)))
     try:
         other = _maximum(tracks, pivot, tumbles[1], options, done)
     except ComputationError:
-        return tracks, pivot, best, None
+        return LikelyTumbles(tracks, pivot, best)
     if not other.converged:
-        return tracks, pivot, best, None
+        return LikelyTumbles(tracks, pivot, best)
     if not best.converged:
-        return tracks, pivot, other, None
+        return LikelyTumbles(tracks, pivot, other)
     excess = _excess(best, other)
     if excess < 0:
         best, other, excess = other, best, _excess(other, best)
     probability = _probability(excess)
-    return tracks, pivot, best, AlternativeTumble(other, probability) if probability > UNLIKELY else None
+    likely = AlternativeTumble(other, probability) if probability > UNLIKELY else None
+    return LikelyTumbles(tracks, pivot, best, likely)
 
 
 def _probability(excess: float) -> float:

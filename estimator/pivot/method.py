@@ -23,7 +23,8 @@ from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, 
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.answer import estimate_of
-from baryscope.estimator.pivot.burns.solution import unknown_burns, with_unknown_burns
+from baryscope.estimator.pivot.burns.poses import Posed
+from baryscope.estimator.pivot.burns.solution import unknown_burns, with_burns_by, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
@@ -36,7 +37,7 @@ from baryscope.estimator.pivot.refinement import ROUNDING, refined
 from baryscope.estimator.pivot.rods import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.start import LinearStart, linear_start
 from baryscope.estimator.pivot.strays import without_strays
-from baryscope.estimator.pivot.unexplained import with_needed_noise
+from baryscope.estimator.pivot.unexplained import gain_over, with_needed_noise
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.rods import find_rods
@@ -66,23 +67,77 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
 
 
 def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> Pivot:
-    """The least-squares solution for bodies and path, with its findings.
+    """The least-squares solution for bodies and path, with its findings; see `PivotProblem`."""
+    return PivotProblem.of(tracks, told, options).solved
 
-    Raises:
-        InputError: an invalid combination of options, or a singular covariance.
-        ComputationError: the tracks do not determine the unknowns.
+
+@dataclass(frozen=True, eq=False)
+class PivotProblem:
+    """What a solution of `pivot` goes on from when burns are looked for once more.
+
+    told: the orbit as given, and orbit, with the Earth's J2 if that acts; start: of the frames that are looked at;
+    plain: the solution without unknown burns, without strays; fewer: its start; burned: that with burns, `plain` if
+    there are none; solved: with an error of the orbit and with findings.
     """
-    trajectory = trajectory_of(options.trajectory, told)
-    data = _ProblemData.of(tracks, trajectory.path(told, float(tracks.time[0]), float(tracks.time[-1])))
-    found, start = _of_chosen_degree(data, trajectory, told, options)
-    found, orbit = _with_what_acts(found, start, data.registered, told, options)
-    refuse_untold(found, data.registered)
-    findings = misfits(found, data.registered, tracks) + wrong_orbit(found, orbit)
-    of_x = found.variance * found.solution.covariance
-    findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
-    findings += untold_oblateness(told, found.path) + untold_accuracy(found.path)
-    found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
-    return found.at_mean(errors_of(tracks))
+
+    tracks: FeatureTracks
+    told: Orbit | None
+    orbit: Orbit | None
+    options: PathOptions
+    registered: Registered
+    start: InitialSolution
+    plain: Pivot
+    fewer: InitialSolution
+    burned: Pivot
+    solved: Pivot
+
+    @classmethod
+    def of(cls, tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> "PivotProblem":
+        """That of tracks, solved.
+
+        Raises:
+            InputError: an invalid combination of options, or a singular covariance.
+            ComputationError: the tracks do not determine the unknowns.
+        """
+        trajectory = trajectory_of(options.trajectory, told)
+        data = _ProblemData.of(tracks, trajectory.path(told, float(tracks.time[0]), float(tracks.time[-1])))
+        found, start = _of_chosen_degree(data, trajectory, told, options)
+        found, start = with_estimated_orbit(found, start, options)
+        found, start, orbit = with_oblateness(found, start, told, options)
+        plain, fewer = without_strays(found, start, options)
+        problem = cls(tracks, told, orbit, options, data.registered, start, plain, fewer, plain, plain)
+        if data.registered.in_line:
+            return problem._finished(plain, fewer)
+        # Where burns are left to noise, attitudes stray by it: all are looked at once more.
+        return problem._with_burns(*with_unknown_burns(plain, data.registered, orbit, start, options))
+
+    def with_burns_by(self, posed: Posed) -> "PivotProblem | None":
+        """The problem solved with the burns that other poses show; None if the solution then is no likelier."""
+        near = self.start.near(self.plain)
+        found = with_burns_by(posed, self.plain, self.orbit, near, self.options)
+        if found is None or gain_over(self.burned, found[0], self.start) <= 0:
+            return None
+        return self._with_burns(*found)
+
+    def _with_burns(self, burned: Pivot, start: InitialSolution) -> "PivotProblem":
+        if burned is self.plain:
+            return self._finished(burned, self.fewer)
+        burned, start = without_strays(burned, start, self.options)
+        return replace(self, burned=burned)._finished(burned, start)
+
+    def _finished(self, found: Pivot, start: InitialSolution) -> "PivotProblem":
+        """The problem with a solution for an error of the orbit, and with findings."""
+        orbit, options = self.orbit, self.options
+        found = with_corrected_orbit(found, orbit, start, options)
+        found = with_errors_of_orbit(found, orbit, start, options)
+        refuse_untold(found, self.registered)
+        findings = misfits(found, self.registered, self.tracks) + wrong_orbit(found, orbit)
+        of_x = found.variance * found.solution.covariance
+        findings += estimated_orbit(found.path, found.solution.x, of_x)
+        findings += unknown_burns(found.path, found.solution.x, of_x)
+        findings += untold_oblateness(self.told, found.path) + untold_accuracy(found.path)
+        found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
+        return replace(self, solved=found.at_mean(errors_of(self.tracks)))
 
 
 def _of_chosen_degree(
@@ -106,26 +161,6 @@ def _of_chosen_degree(
         # Of a path with more degrees they tell less.
         refuse_untold(found, data.registered)
     return found, start
-
-
-def _with_what_acts(
-    found: Pivot, start: InitialSolution, registered: Registered, orbit: Orbit | None, options: PathOptions
-) -> tuple[Pivot, Orbit | None]:
-    """The solution on a path with what acts untold, and without strays; and the orbit, with the Earth's J2 if it acts.
-
-    That is an orbit that is not given, J2, burns, and an error of the orbit.
-    """
-    found, start = with_estimated_orbit(found, start, options)
-    found, start, orbit = with_oblateness(found, start, orbit, options)
-    found, fewer = without_strays(found, start, options)
-    if registered.in_line:
-        start = fewer
-    else:
-        # Where burns are left to noise, attitudes stray by it: all are looked at once more.
-        burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
-        found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
-    found = with_corrected_orbit(found, orbit, start, options)
-    return with_errors_of_orbit(found, orbit, start, options), orbit
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,1 @@
-"""Burns of the chaser that nothing told: found in linear `equations` by a `search`, and tested in a `solution`."""
+"""Burns that nothing told: found in linear `equations` of `poses` by a `search`, and tested in a `solution`."""

@@ -1,8 +1,7 @@
 """The linear equations of the drifting pivot with unknown burns, c_k = g(t_k; x) + R_k d, and their solution.
 
-These know the attitudes from the registration, so that metres of error of the path do no harm. The time is cut into
-cells of equal length, with an acceleration of its own in each. Their prior is white noise of a density of maximum
-marginal likelihood.
+These have the attitudes of `poses`, so that metres of error of the path do no harm. The time is cut into cells of equal
+length, with an acceleration of its own in each. Their prior is white noise of a density of maximum marginal likelihood.
 """
 
 from dataclasses import dataclass, replace
@@ -11,19 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, held, maximise, solved
-from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.pivot.drift import frame_covariances, roots_in_C
-from baryscope.estimator.pivot.free_attitudes import Solution
-from baryscope.estimator.pivot.refinement import ROUNDING
-from baryscope.estimator.registration.clusters import Registered
+from baryscope.estimator.pivot.burns.poses import Posed
+from baryscope.estimator.pivot.drift import roots_in_C
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
 
@@ -80,15 +75,14 @@ FREE = Limit()
 
 @dataclass(frozen=True, eq=False)
 class BurnEquations:
-    """The equations of all frames with an attitude, with unknowns of bodies, path and cells.
+    """The equations of all poses, with unknowns of offsets, path and cells.
 
-    few: the bodies. rows (f, 3, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of
-    which rows of `time` (n,) in s; root (f, 3, 3) of the inverse of their covariance; edges (c + 1,) of the cells in s;
-    base: the path without process noise; others: the prior of the u unknowns before the cells; variance of an
-    observation of weight 1 from the registration, and the least that it may be, m², or 1 with covariances.
+    rows (f, 3, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of which rows of `time`
+    (n,) in s; root (f, 3, 3) of the inverse of their covariance; edges (c + 1,) of the cells in s; base: the path
+    without process noise; others: the prior of the u unknowns before the cells.
     """
 
-    few: Subsample
+    posed: Posed
     rows: FloatArray
     frame: IntArray
     root: FloatArray
@@ -97,13 +91,16 @@ class BurnEquations:
     base: Path
     orbit: Orbit | None
     others: Prior
-    variance: float
-    least: float
+
+    @property
+    def variance(self) -> float:
+        """That of an observation of weight 1, as the poses have it, m², or 1 with covariances."""
+        return self.posed.poses.variance
 
     @property
     def offsets(self) -> int:
-        """The number of unknowns of the bodies' offsets."""
-        return 3 * len(self.few.bodies)
+        """The number of unknowns of the offsets."""
+        return self.posed.offsets.size
 
     @property
     def cells(self) -> int:
@@ -125,11 +122,9 @@ class BurnEquations:
         """Whether a burn may be one, and not what gravity does where the orbit is not known."""
         return self.orbit is not None or burn.duration <= self.longest
 
-    def weighted(self, offsets: tuple[FloatArray, ...]) -> "BurnEquations":
-        """The equations with the weights of the frames for the offsets (3,) of all bodies, m."""
-        noise = frame_covariances(self.few.bodies, self.few.observations, offsets)
-        axes = np.concatenate([body.attitude for body in self.few.bodies])
-        return replace(self, root=roots_in_C(axes, np.concatenate(noise)))
+    def weighted(self, offsets: FloatArray) -> "BurnEquations":
+        """The equations with the weights of the frames for the offsets (k, 3) of all axes, m."""
+        return replace(self, root=roots_in_C(self.posed.poses.attitude, self.posed.covariances(offsets)))
 
     def fitted(
         self,
@@ -157,7 +152,7 @@ class BurnEquations:
                 break
             left = values - float(np.vdot(linear.information, covariance))
             squares = total - 2 * float(rhs @ mean) + float(mean @ matrix @ mean)
-            variance = max(squares / max(left, 1.0), self.least)
+            variance = max(squares / max(left, 1.0), self.posed.poses.least)
         assert best is not None  # noqa: S101  there was a round
         return BurnFit(burns, score, variance, best, mean, covariance, matrix, rhs, bend)
 
@@ -274,41 +269,26 @@ class BurnEquations:
         return matrix, rhs, total
 
 
-def burn_equations(
-    registered: Registered, few: Subsample, time: FloatArray, base: Path, found: Solution, orbit: Orbit | None
-) -> BurnEquations:
+def burn_equations(posed: Posed, time: FloatArray, base: Path, about: FloatArray, orbit: Orbit | None) -> BurnEquations:
     """The equations beside a path without process noise.
 
-    few: a subsample of the bodies, with times (n,) in s of its frames; found: a solution without burns, about whose
-    path the equations are linear, and whose offsets weigh the frames. Attitudes that stray from the rotation have no
-    equation: three features of which a rig hardly knows the depth have several poses that fit as well, and one at which
-    the body never was needs a burn to and fro, whatever its weight.
+    time (n,) of all frames in s; about (p,): unknowns of the path, about which the equations are linear.
     """
-    x = found.x[: base.size]
+    poses = posed.poses
+    used, frame = np.unique(poses.rows, return_inverse=True)
+    time = time[used]
     n = int(np.clip(len(time) // FRAMES_PER_CELL, FEWEST_CELLS, MOST_CELLS))
     edges = np.linspace(time.min(), time.max(), n + 1)
-    sampled = base.at(time)
+    sampled, x = base.at(time), about[: base.size]
     cells, smooth = _cells(base, orbit, edges, time), _smooth(orbit, edges)
     columns = np.concatenate([sampled.jacobian, cells @ smooth, cells], axis=2)
-    offset = sampled.position(x) - sampled.jacobian @ x
-    distance = max(float(np.abs(origin).max()) for origin in registered.origins)
-    least = (ROUNDING * distance) ** 2
-    noise = max(registered.noise**2, least) if few.observations.precision is None else 1.0
-    kept = [~stray | stray.all() for stray in strays(few.bodies, few.observations, time, noise)]
-    few = replace(few, bodies=tuple(body.in_frames(own) for body, own in zip(few.bodies, kept, strict=True)))
-    bodies, count, rows = few.bodies, len(few.bodies), []
-    for index, (body, origin, step) in enumerate(zip(bodies, registered.origins, few.steps, strict=True)):
-        own = np.zeros((len(body.frames), 3, 3 * count))
-        own[:, :, 3 * index : 3 * index + 3] = body.attitude
-        left = (origin[::step][kept[index]] - offset[body.frames])[:, :, None]
-        rows.append(np.concatenate([own, columns[body.frames], left], axis=2))
-    frames, known = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(smooth.shape[1], BROAD**2))
-    others = Prior.none(3 * count).joined(base.prior).joined(known)
-    both = zip(registered.bodies, found.bodies, strict=True)
-    offsets = tuple(after.points.mean(axis=0) - before.like(after).points.mean(axis=0) for before, after in both)
-    root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
-    equations = BurnEquations(few, all_rows, frames, root, time, edges, base, orbit, others, noise, least)
-    return equations.weighted(offsets)
+    known = sampled.position(x) - sampled.jacobian @ x
+    own = np.zeros((len(frame), 3, posed.offsets.size))
+    np.put_along_axis(own, (3 * poses.axes[:, None] + np.arange(3))[:, None], poses.attitude, axis=2)
+    rows = np.concatenate([own, columns[frame], (poses.origin - known[frame])[:, :, None]], axis=2)
+    free, slow = Prior.none(posed.offsets.size), Prior.known(np.full(smooth.shape[1], BROAD**2))
+    others, root = free.joined(base.prior).joined(slow), np.tile(np.eye(3), (len(frame), 1, 1))
+    return BurnEquations(posed, rows, frame, root, time, edges, base, orbit, others).weighted(posed.offsets)
 
 
 def _cells(base: Path, orbit: Orbit | None, edges: FloatArray, time: FloatArray) -> FloatArray:

@@ -65,7 +65,7 @@ def without(equations: BurnEquations, fit: BurnFit, indices: IntArray) -> BurnFi
 
 def _reweighted(equations: BurnEquations, fit: BurnFit, limit: Limit) -> tuple[BurnEquations, BurnFit]:
     """The equations with weights for the offsets of a fit, and the fit with these and with a free variance."""
-    found = equations.weighted(tuple(fit.mean[: equations.offsets].reshape(-1, 3)))
+    found = equations.weighted(fit.mean[: equations.offsets].reshape(-1, 3))
     return found, found.settled(fit.burns, replace(fit, variance=equations.variance), limit)
 
 

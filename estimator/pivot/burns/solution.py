@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost, maximise
-from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -20,6 +19,7 @@ from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, burn_equations
+from baryscope.estimator.pivot.burns.poses import Posed, RegisteredPoses
 from baryscope.estimator.pivot.burns.search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
@@ -45,31 +45,41 @@ def with_unknown_burns(
 
     start: of the frames that are looked at, among which are those of `found`. Without such burns `found` itself.
     """
-    path, none = start.path, (found, start)
-    if options.unknown_burns == "none" or path.name not in PATHS:
-        return none
-    if not isinstance(path, ProcessNoisePath) or path.density is not None:
-        return none
+    if not may_have_burns(start.path, options):
+        return found, start
     if not (found.has(DENSITY) or _left_out(found, start) > LEFT_OUT or _follows_rotation(found)):
-        return none
-    few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
+        return found, start
+    posed = RegisteredPoses.of(registered, start.observations, start.time, found.solution)
+    return with_burns_by(posed, found, orbit, start, options) or (found, start)
+
+
+def may_have_burns(path: Path, options: PathOptions) -> bool:
+    """Whether burns are looked for on a path: it has process noise of an unknown density."""
+    wanted = options.unknown_burns != "none" and path.name in PATHS
+    return wanted and isinstance(path, ProcessNoisePath) and path.density is None
+
+
+def with_burns_by(
+    posed: Posed, found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> tuple[Pivot, InitialSolution] | None:
+    """The solution with the burns that poses show, and its start; None without any, or if it is no likelier.
+
+    found: a solution without burns on the path of the start, which has process noise.
+    """
+    path = start.path
+    assert isinstance(path, ProcessNoisePath)  # noqa: S101  see `may_have_burns`
     on_orbit = orbit if path.name == "relative-orbit" else None
-    equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, on_orbit)
+    equations = burn_equations(posed, start.time, path.base, found.solution.x, on_orbit)
     if on_orbit is None and equations.width > equations.longest:
-        return none
+        return None
     try:
-        return _with_likeliest(found, registered, start, options, *likeliest(equations)) or none
+        return _with_likeliest(found, start, options, *likeliest(equations))
     except ComputationError:  # the search has led off
-        return none
+        return None
 
 
 def _with_likeliest(
-    found: Pivot,
-    registered: Registered,
-    start: InitialSolution,
-    options: PathOptions,
-    equations: BurnEquations,
-    fit: BurnFit,
+    found: Pivot, start: InitialSolution, options: PathOptions, equations: BurnEquations, fit: BurnFit
 ) -> tuple[Pivot, InitialSolution] | None:
     """The solution with the burns of a fit that are needed, and its start; None if it is no likelier.
 
@@ -77,7 +87,7 @@ def _with_likeliest(
         ComputationError: a solution with burns diverges.
     """
     while fit.burns:
-        again = _start(start, registered, equations.without_smooth(fit), equations.orbit)
+        again = _start(start, equations, equations.without_smooth(fit))
         burned = refined(again, options)
         gains = np.array(_gains(burned))
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
@@ -119,19 +129,23 @@ def unknown_burns(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[UnknownB
     return tuple(UnknownBurn.of(burn, axes) for burn in sorted(burns, key=lambda one: one.begin))
 
 
-def _start(start: InitialSolution, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> InitialSolution:
+def _start(start: InitialSolution, equations: BurnEquations, fit: BurnFit) -> InitialSolution:
     """The start of the refinement from the search's solution."""
     path = start.path
-    assert isinstance(path, ProcessNoisePath)  # noqa: S101  as `with_unknown_burns` has seen
-    offsets, rest = np.split(fit.mean, [3 * len(registered.bodies)])
-    both = zip(registered.bodies, offsets.reshape(-1, 3), strict=True)
-    bodies = tuple(replace(body, points=body.points + offset) for body, offset in both)
-    of_base = rest[: path.base.size]
+    assert isinstance(path, ProcessNoisePath)  # noqa: S101  see `may_have_burns`
+    offsets, of_base = fit.mean[: equations.offsets], equations.path_in(fit)
     about = None if fit.bend is None else of_base
-    burned = BurnedPath(path.base, orbit, fit.burns, path.begin, path.end, about)
+    burned = BurnedPath(path.base, equations.orbit, fit.burns, path.begin, path.end, about)
     wider = replace(path, base=burned)
-    x = np.concatenate([of_base, burned.values, np.zeros(3 * path.count)])
-    return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, weight=None, first_prior=None)
+    return replace(
+        start,
+        path=wider,
+        sampled=wider.at(start.time),
+        bodies=equations.posed.bodies(offsets.reshape(-1, 3)),
+        x=np.concatenate([of_base, burned.values, np.zeros(3 * path.count)]),
+        weight=None,
+        first_prior=None,
+    )
 
 
 def _gains(found: Pivot) -> list[float]:

@@ -110,6 +110,17 @@ def test_pulses_of_a_chaser_that_holds_its_place():
     assert nees(found, com).mean() < 12
 
 
+def test_the_attitudes_of_a_tumble_show_burns_that_free_ones_hide():
+    """By a baseline of 0.3 m depths are known to half a metre, attitudes by a frame alone to a tenth of a radian."""
+    pulses, time = (*PULSES, (470.0, 473.0, (-0.002, 0.001, 0.001))), np.arange(0.0, 600.0, 2.0)
+    com = path_with_burns(time, pulses)
+    found = estimate(tracks_of_faces(time, com, (0.3, 1.5, 1.0), 12, seed=3, baseline=0.3), orbit=ORBIT, method="ml")
+    assert found.status is Status.GOOD
+    assert_found(found, pulses)
+    assert found.process_noise.negligible
+    assert nees(found, com).mean() < 12
+
+
 @pytest.mark.parametrize("method", ["pivot", "ml"])
 def test_two_burns_without_an_orbit(method):
     made = case((LONG, SHORT))
