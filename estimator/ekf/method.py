@@ -36,7 +36,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
-from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.pivot.method import PivotProblem, solve_pivot
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
 from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
@@ -69,8 +69,8 @@ def estimate_by_filter(
     found: Passes | None = None
 
     @cache
-    def solved() -> Pivot:
-        return solve_pivot(tracks, orbit, options)
+    def solved() -> PivotProblem:
+        return PivotProblem.of(tracks, orbit, options)
 
     try:
         found = _filtered(tracks, orbit, options, solved, progress)
@@ -89,21 +89,25 @@ def estimate_by_filter(
 
 
 def _with_free_attitudes(
-    tracks: FeatureTracks, options: PathOptions, solved: Callable[[], Pivot], begin: float
+    tracks: FeatureTracks, options: PathOptions, solved: Callable[[], PivotProblem], begin: float
 ) -> Estimate | None:
     """The estimate of `pivot`; None if there is none."""
     try:
-        return estimate_of(solved(), tracks, options, begin)
+        return estimate_of(solved().solved, tracks, options, begin)
     except ComputationError:
         return None
 
 
 def _filtered(
-    tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, whole: Callable[[], Pivot], progress: Progress
+    tracks: FeatureTracks,
+    orbit: Orbit | None,
+    options: PathOptions,
+    whole: Callable[[], PivotProblem],
+    progress: Progress,
 ) -> Passes:
     """The passes from the first start from which they come to rest, else from the first that leads anywhere.
 
-    whole: the solution of `pivot`, with all options, where it is needed.
+    whole: the problem of `pivot`, with all options, solved where it is needed.
 
     Raises:
         ComputationError: none does, or the tracks do not determine the unknowns, or there are too many.
@@ -111,7 +115,7 @@ def _filtered(
     trajectory, span = trajectory_of(options.trajectory, orbit), (float(tracks.time[0]), float(tracks.time[-1]))
     path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
     measured, rounds, torques = observations_of(tracks, tracks.seen), Rounds(progress), torques_of(orbit, options)
-    solved = whole() if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
+    solved = whole().solved if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
     if solved is not None:
         trajectory, told = replace(trajectory, highest=highest_degree(solved.path)), estimated_orbit_in(solved.path)
         path = _with_burns_of(solved, told or trajectory.path(orbit, *span, options.acceleration))
@@ -138,7 +142,7 @@ def _filtered(
     def better() -> Passes | None:
         """From the tumble that `ml` finds: its steps are damped, and arrive from where passes do not."""
         try:
-            points, _, best = likeliest_tumble(tracks, whole(), torques, options, rounds)
+            points, _, best = likeliest_tumble(tracks, whole().solved, torques, options, rounds)
             found = followed(start_of(points, best), points, observations_of(points, points.seen))
         except ComputationError:
             return None
@@ -156,10 +160,11 @@ def _filtered(
 
 
 def _with_untold_forces(
-    found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], Pivot]
+    found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], PivotProblem]
 ) -> Passes:
     """The passes with J2 and with errors of the orbit if `pivot` finds them, or does not tell them from none, and where
-    the path has process noise with the burns that it finds; whole: its solution, with all options.
+    the path has process noise with the burns that it finds, or that the attitudes show; whole: its problem, with all
+    options.
     """
     problem = found.problem
     options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
@@ -167,7 +172,9 @@ def _with_untold_forces(
     if not noisy and (orbit is None or (orbit.with_earths_j2() is None and orbit.accuracy == 0)):
         return found
     try:
-        solved, path = whole(), problem.path
+        of_pivot, path = whole(), problem.path
+        burned = _by_attitudes(of_pivot, found) if noisy else None
+        solved = (burned or of_pivot).solved
         if untold_oblateness(orbit, solved.path):
             oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
             path = perhaps_oblate_in(solved.path) or oblate
@@ -181,9 +188,20 @@ def _with_untold_forces(
         return found
 
 
-def _findings_on_orbit(path: Path, orbit: Orbit | None, whole: Callable[[], Pivot]) -> tuple[Finding, ...]:
+def _by_attitudes(problem: PivotProblem, found: Passes) -> PivotProblem | None:
+    """The problem of `pivot` solved with the burns that the attitudes of passes show; None without any."""
+    if found.problem.tracks.labels != problem.tracks.labels:  # labels that tracks have used twice
+        return None
+    at, frames, last = found.reference, found.problem.start.nodes.frames, found.last
+    points = [at.points[body.features] for body in problem.solved.bodies]
+    return problem.with_burns_of(points, at.attitude[frames], at.origin[frames], last.weight, last.residual_variance)
+
+
+def _findings_on_orbit(path: Path, orbit: Orbit | None, whole: Callable[[], PivotProblem]) -> tuple[Finding, ...]:
     """What `pivot` has found of the orbit, as far as the path has it."""
-    corrected = tuple(one for one in whole().findings if isinstance(one, WrongOrbit)) if inexact_parts(path) else ()
+    corrected = (
+        tuple(one for one in whole().solved.findings if isinstance(one, WrongOrbit)) if inexact_parts(path) else ()
+    )
     return untold_oblateness(orbit, path) + untold_accuracy(path) + corrected
 
 

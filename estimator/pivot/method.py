@@ -5,6 +5,7 @@ connects the frames.
 """
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,12 +20,18 @@ from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, Subsample
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.answer import estimate_of
-from baryscope.estimator.pivot.burns.poses import Posed
-from baryscope.estimator.pivot.burns.solution import unknown_burns, with_burns_by, with_unknown_burns
+from baryscope.estimator.pivot.burns.poses import KnownPoses
+from baryscope.estimator.pivot.burns.solution import (
+    may_have_burns,
+    unknown_burns,
+    with_burns_by,
+    with_unknown_burns,
+)
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
@@ -111,10 +118,26 @@ class PivotProblem:
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
         return problem._with_burns(*with_unknown_burns(plain, data.registered, orbit, start, options))
 
-    def with_burns_by(self, posed: Posed) -> "PivotProblem | None":
-        """The problem solved with the burns that other poses show; None if the solution then is no likelier."""
-        near = self.start.near(self.plain)
-        found = with_burns_by(posed, self.plain, self.orbit, near, self.options)
+    def with_burns_of(
+        self,
+        points: Sequence[FloatArray],
+        attitude: FloatArray,
+        origin: FloatArray,
+        weight: FloatArray,
+        variance: float,
+    ) -> "PivotProblem | None":
+        """The problem solved with the burns that a known motion shows; None without any, or if it is no likelier.
+
+        Only where the solution leaves something to process noise. points (m, 3) of each of its bodies from the centre
+        of mass, in axes that all have in common, m; attitude (n, 3, 3) of these in C, as it is seen, origin (n, 3) in
+        C, m; weight (n, m): robust, of the observations; variance of one of weight 1.
+        """
+        if not (may_have_burns(self.start.path, self.options) and self.solved.has(DENSITY)):
+            return None
+        pairs = zip(self.solved.bodies, points, strict=True)
+        bodies = tuple(replace(body, points=own, attitude=attitude[body.frames]) for body, own in pairs)
+        posed = KnownPoses.of(bodies, self.start.measured.weighted(weight), origin, variance)
+        found = with_burns_by(posed, self.plain, self.orbit, self.start.near(self.plain), self.options)
         if found is None or gain_over(self.burned, found[0], self.start) <= 0:
             return None
         return self._with_burns(*found)

@@ -110,7 +110,8 @@ def test_pulses_of_a_chaser_that_holds_its_place():
     assert nees(found, com).mean() < 12
 
 
-def test_the_attitudes_of_a_tumble_show_burns_that_free_ones_hide():
+@pytest.mark.parametrize("method", ["ml", "ekf"])
+def test_the_attitudes_of_a_tumble_show_burns_that_free_ones_hide(method):
     """By a baseline of 0.3 m depths are known to half a metre, attitudes by a frame alone to a tenth of a radian."""
     pulses, time = (*PULSES, (470.0, 473.0, (-0.002, 0.001, 0.001))), np.arange(0.0, 600.0, 2.0)
     com = path_with_burns(time, pulses)
