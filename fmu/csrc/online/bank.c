@@ -79,12 +79,10 @@ static void with_path_and_map(const Online *filter, int n, double G[PATH_AND_MAP
         for (int a = OFFSET; a < PATH_AND_MAP; a++) G[a][j] = 0.0;
     }
     for (int f = 0; f < (int)filter->used; f++)
-        for (int a = 0; a < OF_MAP; a++)
-            for (int k = 0; k < 3; k++) {
-                double part = filter->share[f][a][k], *to = G[OFFSET + a];
-                const double *row = filter->P[FEATURES + 3 * f + k];
-                for (int j = 0; j < n; j++) to[j] += part * row[j];
-            }
+        for (int a = 0; a < OF_MAP; a++) {
+            const double *x = filter->P[FEATURES + 3 * f], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = filter->share[f][a];
+            for (int j = 0; j < n; j++) G[OFFSET + a][j] += part[0] * x[j] + part[1] * y[j] + part[2] * z[j];
+        }
 }
 
 /* The covariance of (r, v, offset, scale) from what they are with all errors. */
@@ -127,7 +125,8 @@ static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
         for (int j = 0; j < n; j++) G[a][j] = 0.0;
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int j = 0; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j] / used;
+            for (int j = 0; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j];
+    for (int a = 0; a < 3; a++) scale_block(G[a], n, 1.0 / used);
 }
 
 static int is_alive(const PackedMember *member) { return member->weight > -INFINITY; }
@@ -272,14 +271,17 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
    there is no factor. */
 static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
     const double(*late)[3] = measurement->lag, (*R)[3] = measurement->offset, *g = measurement->scale, bend = measurement->bend;
-    const int manoeuvred = member->errors > MOTION;
-    for (int a = 0; a < (manoeuvred ? ERRORS : MOTION); a++)
-        for (int k = 0; k < 3; k++)
-            B[k][a] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
-                      g[k] * member->P[a][SCALE] + bend * member->P[a][PATH_AND_MAP + k];
-    for (int a = 0; a < ERRORS && manoeuvred; a++)
-        for (int k = 0; k < 3; k++)
-            for (int i = 0; i < OF_THRUST; i++) B[k][a] += measurement->by_thrust[k][i] * member->P[a][THRUST + i];
+    const double(*P)[ERRORS] = member->P;
+    const int manoeuvred = member->errors > MOTION, n = manoeuvred ? ERRORS : MOTION;
+    for (int k = 0; k < 3; k++) { /* along the rows of P, as many numbers at once as the processor takes */
+        double *row = B[k];
+        for (int a = 0; a < n; a++)
+            row[a] = P[k][a] - (late[k][0] * P[3][a] + late[k][1] * P[4][a] + late[k][2] * P[5][a]) +
+                     (R[k][0] * P[OFFSET][a] + R[k][1] * P[OFFSET + 1][a] + R[k][2] * P[OFFSET + 2][a]) + g[k] * P[SCALE][a] +
+                     bend * P[PATH_AND_MAP + k][a];
+        for (int i = 0; i < OF_THRUST && manoeuvred; i++)
+            for (int a = 0; a < n; a++) row[a] += measurement->by_thrust[k][i] * P[THRUST + i][a];
+    }
     for (int k = 0; k < 3; k++) {
         e[k] = measurement->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
         e[k] -= g[k] * member->x[SCALE] + bend * member->x[PATH_AND_MAP + k];
@@ -313,43 +315,41 @@ static int update_member(Member *member, const Measurement *measurement) {
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
    the other. */
-static void add_change(PackedMember *packed_member, const Measurement *measurement) {
-    const int n = (int)packed_member->errors;
-    Member member;
-    double more[OF_MAP][ERRORS], x[OF_MAP];
-    unpack_member(packed_member, &member);
+static void add_change(Member *member, const Measurement *measurement) {
+    const int n = (int)member->errors;
+    double more[OF_MAP][ERRORS], x[OF_MAP], (*of_map)[ERRORS] = &member->P[OFFSET];
     for (int a = 0; a < OF_MAP; a++) {
+        const double *follow = measurement->follow[a];
         x[a] = 0.0;
-        for (int b = 0; b < OF_MAP; b++) x[a] += measurement->follow[a][b] * member.x[OFFSET + b];
-        for (int j = 0; j < n; j++) {
-            more[a][j] = 0.0;
-            for (int b = 0; b < OF_MAP; b++) more[a][j] += measurement->follow[a][b] * member.P[OFFSET + b][j];
-        }
+        for (int b = 0; b < OF_MAP; b++) x[a] += follow[b] * member->x[OFFSET + b];
+        for (int j = 0; j < n; j++)
+            more[a][j] = follow[0] * of_map[0][j] + follow[1] * of_map[1][j] + follow[2] * of_map[2][j] + follow[3] * of_map[3][j];
     }
     for (int a = 0; a < OF_MAP; a++) {
-        member.x[OFFSET + a] += x[a];
-        for (int j = 0; j < n; j++) member.P[OFFSET + a][j] += more[a][j];
-        for (int j = 0; j < n; j++) member.P[j][OFFSET + a] += j >= OFFSET && j < PATH_AND_MAP ? 0.0 : more[a][j];
+        member->x[OFFSET + a] += x[a];
+        for (int j = 0; j < n; j++) of_map[a][j] += more[a][j];
     }
     for (int a = 0; a < OF_MAP; a++)
         for (int b = 0; b <= a; b++) {
-            double sum = measurement->change[a][b] + member.P[OFFSET + a][OFFSET + b];
-            for (int k = 0; k < OF_MAP; k++) sum += member.P[OFFSET + a][OFFSET + k] * measurement->follow[b][k];
+            double sum = measurement->change[a][b] + of_map[a][OFFSET + b];
+            for (int k = 0; k < OF_MAP; k++) sum += of_map[a][OFFSET + k] * measurement->follow[b][k];
             more[a][b] = sum;
         }
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) member.P[OFFSET + a][OFFSET + b] = member.P[OFFSET + b][OFFSET + a] = more[a][b];
-    pack_member(&member, packed_member);
+        for (int b = 0; b <= a; b++) of_map[a][OFFSET + b] = of_map[b][OFFSET + a] = more[a][b];
+    for (int j = 0; j < n; j++)
+        for (int a = 0; a < OF_MAP; a++) member->P[j][OFFSET + a] = of_map[a][j];
 }
 
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
-static void know_scale(Member *member, double variance) {
-    const int n = (int)member->errors;
-    double own = member->P[SCALE][SCALE], off = member->x[SCALE], gain[ERRORS];
-    for (int a = 0; a < n; a++) gain[a] = member->P[a][SCALE] / own;
-    for (int a = 0; a < n; a++) {
+static void know_scale(PackedMember *member, double variance) {
+    const double own = packed(member, SCALE, SCALE), off = member->x[SCALE];
+    double gain[ERRORS], *row = member->P;
+    if (!(own > variance)) return;
+    for (int a = 0; a < ERRORS; a++) gain[a] = packed(member, a, SCALE) / own;
+    for (int a = 0; a < ERRORS; row += ++a) {
         member->x[a] -= gain[a] * off;
-        for (int b = 0; b < n; b++) member->P[a][b] += gain[a] * gain[b] * (variance - own);
+        for (int b = 0; b <= a; b++) row[b] += gain[a] * gain[b] * (variance - own);
     }
 }
 
@@ -362,13 +362,8 @@ static void know_scale_of_map(Online *filter) {
             for (int g = 0; g < used; g++)
                 variance += filter->share[f][SCALE - OFFSET][k] *
                             dot(filter->share[g][SCALE - OFFSET], &filter->P[FEATURES + 3 * f + k][FEATURES + 3 * g]);
-    Member member;
-    for (int m = 0; m <= SHADOW; m++) {
-        if (!is_alive(&filter->bank[m]) || !(packed(&filter->bank[m], SCALE, SCALE) > variance)) continue;
-        unpack_member(&filter->bank[m], &member);
-        know_scale(&member, variance);
-        pack_member(&member, &filter->bank[m]);
-    }
+    for (int m = 0; m <= SHADOW; m++)
+        if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], variance);
 }
 
 static int likeliest(const PackedMember bank[MEMBERS]) {

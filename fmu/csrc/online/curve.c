@@ -35,6 +35,7 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
 
 /* What a member knows of the thrusters has changed: it goes along the curve. */
 static void follow_curve(Curve curve, const double change[OF_THRUST], Member *member) {
+    double slopes[OF_THRUST][PATH_AND_MAP];
     for (int a = 0; a < PATH_AND_MAP; a++) {
         double slope[OF_THRUST] = {0.0};
         for (int i = 0; i < 3; i++) {
@@ -44,11 +45,13 @@ static void follow_curve(Curve curve, const double change[OF_THRUST], Member *me
         }
         for (int k = 0; k < OF_THRUST; k++) {
             member->x[a] += 0.5 * slope[k] * change[k];
+            slopes[k][a] = slope[k];
             for (int b = 0; b < ERRORS; b++) member->P[a][b] += slope[k] * member->P[THRUST + k][b];
         }
-        for (int b = 0; b < ERRORS; b++)
-            for (int k = 0; k < OF_THRUST; k++) member->P[b][a] += slope[k] * member->P[b][THRUST + k];
     }
+    for (int b = 0; b < ERRORS; b++)
+        for (int k = 0; k < OF_THRUST; k++)
+            for (int a = 0; a < PATH_AND_MAP; a++) member->P[b][a] += slopes[k][a] * member->P[b][THRUST + k];
 }
 
 /* The update with a node, along a curve, or NULL; 0 if rounding has left the covariance indefinite. */
@@ -61,10 +64,9 @@ static int update_on_curve(Member *member, const Measurement *measurement, Curve
     return sound;
 }
 
-/* A member whose thrusters are known; 0 where their covariance is none. */
-static int with_known_thrust(const PackedMember *from, Member *member) {
+/* A member whose thrusters are taken for known; 0 where their covariance is none. */
+static int know_thrust(Member *member) {
     double A[OF_THRUST * OF_THRUST], H[OF_THRUST];
-    unpack_member(from, member);
     for (int k = 0; k < OF_THRUST * OF_THRUST; k++) A[k] = member->P[THRUST + k / OF_THRUST][THRUST + k % OF_THRUST];
     if (!factored(OF_THRUST, A)) return 0;
     for (int a = 0; a < MOTION; a++) {
@@ -77,14 +79,13 @@ static int with_known_thrust(const PackedMember *from, Member *member) {
     return 1;
 }
 
-/* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member has for given thrusters. */
-static void update_curve(Online *filter, const Measurement *measurement) {
+/* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member, which has seen the change,
+   has for given thrusters. */
+static void update_curve(Online *filter, const Member *likely, const Measurement *measurement) {
     double(*curve)[PRODUCTS] = filter->curve, e[3], L[9], B[3][ERRORS];
-    PackedMember best = filter->bank[likeliest(filter->bank)];
-    Member member;
     if (filter->manoeuvred == 0.0) return;
-    add_change(&best, measurement);
-    if (!with_known_thrust(&best, &member) || !innovation(&member, measurement, e, L, B)) return;
+    Member member = *likely;
+    if (!know_thrust(&member) || !innovation(&member, measurement, e, L, B)) return;
     whiten_rows(L, MOTION, ERRORS, B[0]);
     for (int p = 0; p < PRODUCTS; p++) {
         double of_map[OF_MAP];

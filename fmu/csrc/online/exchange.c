@@ -35,6 +35,7 @@ static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude
         for (int j = i + 1; j < frame->count; j++) {
             if (frame->slot[i] < 0 || frame->slot[j] < 0) continue;
             exchange(frame, i, j);
+            weigh_all(frame, predicted->R);
             if (fits_as_a_whole(filter, frame, predicted, pose) && !is_far(filter, predicted, pose) &&
                 (angle = angle_between(pose->R, predicted->R, turn)) < least)
                 found = 1, least = angle, first = i, second = j;
@@ -42,6 +43,7 @@ static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude
         }
     if (!found) return 0;
     exchange(frame, first, second);
+    weigh_all(frame, predicted->R);
     return fits_as_a_whole(filter, frame, predicted, pose);
 }
 

@@ -172,12 +172,24 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
         for (int b = 0; b < 3; b++) filter->P[begin + a][begin + b] = covariance[a][b];
 }
 
+/* Of the covariances among features, those above the diagonal are put below it, too. */
+static void complete_covariance(Online *filter) {
+    for (int k = FEATURES; k < size_of(filter); k++)
+        for (int j = 0; j < k; j++) filter->P[k][j] = filter->P[j][k];
+}
+
 /* The update with one point of a node whose mean time is `lag` s ago; dx are the errors found so far in this node, and
-   errors before `first` are none. 0 where rounding has left the covariance indefinite. */
+   errors before `first` are none. 0 where rounding has left the covariance indefinite. The rows of features are updated from the
+   diagonal on: `complete_covariance` has to follow the last point. */
 static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
     const int n = size_of(filter), at = FEATURES + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
-    double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
+    double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], of_feature[3][MOST_ERRORS], L[9], e[3];
+    const double since = lag - passage->later;
+    for (int c = 0; c < 3; c++) {
+        for (int j = even; j < at + c; j++) of_feature[c][j] = filter->P[j][at + c];
+        for (int j = at + c; j < n; j++) of_feature[c][j] = filter->P[at + c][j];
+    }
     times(filter->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) bent[k] = arm[k] + frame->bent[i][k];
     times(passage->M, bent, there);
@@ -189,7 +201,7 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
     for (int c = 0; c < 3; c++) {
         const double *p = filter->P[TRANSLATION + c], *q = filter->P[POSITION + c], *v = filter->P[VELOCITY + c];
         const double *t0 = filter->P[ATTITUDE], *t1 = filter->P[ATTITUDE + 1], *t2 = filter->P[ATTITUDE + 2];
-        const double *b0 = filter->P[at], *b1 = filter->P[at + 1], *b2 = filter->P[at + 2];
+        const double *b0 = of_feature[0], *b1 = of_feature[1], *b2 = of_feature[2];
         double *out = B[c];
         for (int k = 0; k < 3; k++) S[c][k] *= passage->swept;
         for (int j = even; j < n; j++)
@@ -221,7 +233,7 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
     for (int j = even; j < n; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
     for (int k = first; k < n; k++) {
         double x = B[0][k], y = B[1][k], z = B[2][k], *row = filter->P[k], before = row[k];
-        for (int j = even; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
+        for (int j = k < FEATURES ? even : k - k % 2; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
         row[k] += ROUNDING * before;
         if (!(row[k] >= 0.0)) return 0;
     }

@@ -28,7 +28,7 @@ typedef struct {
 
 typedef struct {
     double c[3], R[3][3];  /* a feature b is at c + R b */
-    double factor[36];     /* Cholesky's, of the normal equations of (c, rotation vector in C) */
+    double covariance[6][6]; /* of (c, rotation vector in C) */
     double squares;        /* of the weighted residuals */
     int count;             /* points that fit */
 } Pose;
@@ -51,9 +51,10 @@ typedef struct {
 
 /* What a node says of a member's errors: c is r - lag v + offset + scale, with matrices for v and offset, which is in B, and
    a vector for the scale.
-   turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. */
+   turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. span: since the node
+   before, s. seems: information on the offset, in B, that it only seems to show, 1/m2 (seeming.c). */
 typedef struct {
-    double bend;
+    double bend, span, seems[3][3];
     double by_thrust[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */

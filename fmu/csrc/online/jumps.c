@@ -7,13 +7,18 @@ once, or nodes later, then by what the mixture says. */
 #define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
 #define CLEAR 3.0   /* logarithm by which a jump is more likely than none */
 
-/* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
-static int jumped(Online *filter, const Measurement *measurement, double span, double *jump) {
-    double e[3], L[9], B[3][ERRORS];
+/* The likeliest member, and the change that comes with a node. */
+static void changed_likeliest(const Online *filter, const Measurement *measurement, Member *member) {
+    unpack_member(&filter->bank[likeliest(filter->bank)], member);
+    add_change(member, measurement);
+}
+
+/* The member that jumps at a node, or -1, by the likeliest one, which has seen the change, as
+   has that which jumps; *jump is the density of its acceleration. */
+static int jumped(Online *filter, const Member *likely, const Measurement *measurement, double *jump) {
+    double e[3], L[9], B[3][ERRORS], span = measurement->span;
     int best = likeliest(filter->bank), found = -1;
-    Member from;
-    unpack_member(&filter->bank[best], &from);
-    if (!(span > 0.0) || !innovation(&from, measurement, e, L, B)) return -1;
+    if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return -1;
     double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
     whitened(L, e);
     if (!(dot(e, e) > GATE)) return -1;
@@ -24,6 +29,7 @@ static int jumped(Online *filter, const Measurement *measurement, double span, d
     else *to = (Jump){0};
     for (int m = 0; m < STEADY && best < STEADY; m++) to->before[m] = filter->bank[m].weight;
     *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
+    Member from = *likely;
     add_noise(*jump, span, &from.P[0][0], ERRORS);
     from.weight += JUMP;
     pack_member(&from, &filter->bank[found]);
@@ -82,21 +88,25 @@ static void weigh_members(Online *filter) {
     filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
 }
 
-/* A node updates all members but the shadow, with a curve or NULL, and of them M, what it only seems to show, is taken back; returns
-   the one that jumps there, or -1. 0 in *sound where rounding has left a covariance indefinite. */
-static int update_members(
-    Online *filter, const Measurement *measurement, Curve curve, double M[3][3], double span, double *jump, int *sound
-) {
-    for (int m = 0; m < MEMBERS; m++)
-        if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], measurement);
-    int fresh = jumped(filter, measurement, span, jump);
+/* A member takes a node, along a curve, or NULL, and what that only seems to show is taken back; 0 where rounding has left the
+   covariance indefinite. */
+static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest) {
+    const int sound = update_on_curve(member, measurement, curve);
+    take_back_of_member(member, measurement->seems, widest);
+    return sound;
+}
+
+/* A node updates all members but the shadow; likely: the likeliest, which has seen the change. Returns the one that jumps there, or -1;
+   0 in *sound where rounding has left a covariance indefinite. */
+static int update_members(Online *filter, const Member *likely, const Measurement *measurement, Curve curve, double *jump, int *sound) {
+    int fresh = jumped(filter, likely, measurement, jump);
     *sound = 1;
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        *sound = update_on_curve(&member, measurement, curve) && *sound;
-        take_back_of_member(&member, M, filter->widest);
+        if (m != fresh) add_change(&member, measurement);
+        *sound = take_node(&member, measurement, curve, filter->widest) && *sound;
         pack_member(&member, &filter->bank[m]);
     }
     return fresh;
@@ -104,17 +114,14 @@ static int update_members(
 
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. */
-static void note_trend(Online *filter, const Measurement *measurement) {
+static void note_trend(Online *filter, const Member *likely, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS];
-    PackedMember best = filter->bank[likeliest(filter->bank)];
-    Member member;
-    add_change(&best, measurement);
-    unpack_member(&best, &member);
-    if (!innovation(&member, measurement, e, L, B)) return;
+    const int bends = process_noise_of((int)likely->steady).bend > 0.0;
+    if (!innovation(likely, measurement, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
-    if (is_bending(&best) > filter->likely) filter->trend = filter->terms = 0.0;
-    filter->likely = is_bending(&best);
+    if (bends > filter->likely) filter->trend = filter->terms = 0.0;
+    filter->likely = bends;
     if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
     filter->trend += dot(e, filter->last);
     for (int k = 0; k < 3; k++) filter->last[k] = e[k];
@@ -122,12 +129,14 @@ static void note_trend(Online *filter, const Measurement *measurement) {
 
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
    taken. */
-static double update_bank(Online *filter, const Measurement *measurement, double M[3][3], int *late) {
+static double update_bank(Online *filter, const Measurement *measurement, int *late) {
     double jump = 0.0;
-    note_trend(filter, measurement);
-    update_curve(filter, measurement);
+    Member likely, shadow;
+    changed_likeliest(filter, measurement, &likely);
+    note_trend(filter, &likely, measurement);
+    update_curve(filter, &likely, measurement);
     int sound, parent = likeliest(filter->bank);
-    int fresh = update_members(filter, measurement, filter->curve, M, filter->span, &jump, &sound);
+    int fresh = update_members(filter, &likely, measurement, filter->curve, &jump, &sound);
     int best = likeliest(filter->bank);
     const PackedMember *first = &filter->bank[best];
     const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];
@@ -136,11 +145,10 @@ static double update_bank(Online *filter, const Measurement *measurement, double
     if (!clear) jump = 0.0;
     *late = jumped && jumped->pending != 0.0 && filter->bank[(int)jumped->parent].weight < first->weight - CLEAR;
     if (!*late) adopt(filter);
-    Member shadow;
     Measurement of_shadow = *measurement;
-    add_change(&filter->bank[SHADOW], measurement);
     unpack_member(&filter->bank[SHADOW], &shadow);
-    add_noise(jump, filter->span, &shadow.P[0][0], ERRORS);
+    add_change(&shadow, measurement);
+    add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS);
     add_thrust_of_node(filter, measurement, of_shadow.noise);
     sound = update_member(&shadow, &of_shadow) && sound;
     shadow.weight = 0.0;

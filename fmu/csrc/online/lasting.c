@@ -84,10 +84,6 @@ static double noise_ratio(const Online *filter) {
     return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
 
-static void scale_block(double *values, int count, double factor) {
-    for (int k = 0; k < count; k++) values[k] *= factor;
-}
-
 /* All frames so far were taken for better than they are: what is known is that much less certain. What was before the first
    frame matters little by then. */
 static void put_right(Online *filter, double factor) {

@@ -11,12 +11,8 @@ static void of_cross(const double A[3][3], double B[3][3], double C[3][3]) {
 
 /* The covariance (3, 3) of the pose's place, `first` 0, or of its rotation vector in C, `first` 3. */
 static void of_pose(const Pose *pose, int first, double found[3][3]) {
-    for (int j = 0; j < 3; j++) {
-        double column[6] = {0};
-        column[first + j] = 1.0;
-        solved(6, pose->factor, column);
-        for (int i = 0; i < 3; i++) found[i][j] = column[first + i];
-    }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) found[i][j] = pose->covariance[first + i][first + j];
 }
 
 /* A = R A R' */
@@ -157,8 +153,10 @@ static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3],
     for (int a = 0; a < ROWS; a++) {
         int first = a < TURNED ? a / BEFORE * BEFORE : TURNED, end = a < TURNED ? TURNED : ROWS;
         for (int j = 0; j < n; j++) DP[j] = 0.0;
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) DP[j] += D[a][i] * filter->P[FEATURES + i][FEATURES + j];
+        for (int i = 0; i < n; i += 3) {
+            const double *x = &filter->P[FEATURES + i][FEATURES], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = &D[a][i];
+            for (int j = 0; j < n; j++) DP[j] += part[0] * x[j] + part[1] * y[j] + part[2] * z[j];
+        }
         for (int b = first; b < end; b++) {
             double sum = 0.0;
             for (int j = 0; j < n; j++) sum += DP[j] * D[b][j];
@@ -235,11 +233,8 @@ static void thrust_of_node(const Online *filter, const Sweep *sweep, double lag,
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */
 static void measurement_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
                      double share[MOST_FEATURES][OF_MAP][3], Measurement *measurement) {
-    double V[6][6], swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3];
-    for (int j = 0; j < 6; j++) {
-        for (int k = 0; k < 6; k++) V[j][k] = k == j;
-        solved(6, pose->factor, V[j]);
-    }
+    const double(*V)[6] = pose->covariance;
+    double swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3];
     *measurement = (Measurement){.bend = 0.5 * (lag * lag + sweep->spread)};
     turn_of_map(filter, turn);
     for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]); /* of the offset */

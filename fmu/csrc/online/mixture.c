@@ -58,18 +58,6 @@ static void congruent(const double L[PATH_AND_MAP * PATH_AND_MAP], double A[PATH
         }
 }
 
-/* The inverse of a lower triangle in place. */
-static void invert_triangle(double L[PATH_AND_MAP * PATH_AND_MAP]) {
-    for (int j = 0; j < PATH_AND_MAP; j++) {
-        L[PATH_AND_MAP * j + j] = 1.0 / L[PATH_AND_MAP * j + j];
-        for (int i = j + 1; i < PATH_AND_MAP; i++) {
-            double sum = 0.0;
-            for (int k = j; k < i; k++) sum += L[PATH_AND_MAP * i + k] * L[PATH_AND_MAP * k + j];
-            L[PATH_AND_MAP * i + j] = -sum / L[PATH_AND_MAP * i + i];
-        }
-    }
-}
-
 /* Eigenvectors U, as columns, and eigenvalues, on the diagonal, of a symmetric A in place (Jacobi). */
 static void eigen(double A[PATH_AND_MAP][PATH_AND_MAP], double U[PATH_AND_MAP][PATH_AND_MAP]) {
     for (int i = 0; i < PATH_AND_MAP; i++)
@@ -131,7 +119,7 @@ static void by_matrix(double A[PATH_AND_MAP][PATH_AND_MAP], const double x[PATH_
 static void widened(const double N[PATH_AND_MAP * PATH_AND_MAP], double T[PATH_AND_MAP][PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
     double K[PATH_AND_MAP * PATH_AND_MAP], B[PATH_AND_MAP][PATH_AND_MAP];
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) K[k] = N[k];
-    invert_triangle(K);
+    invert_triangle(PATH_AND_MAP, K);
     for (int i = 0; i < PATH_AND_MAP; i++)
         for (int j = 0; j < PATH_AND_MAP; j++) {
             B[i][j] = 0.0;
@@ -177,7 +165,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = a + 1; b < PATH_AND_MAP; b++) S[PATH_AND_MAP * a + b] = 0.0;
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) back[k] = S[k];
-    invert_triangle(back);
+    invert_triangle(PATH_AND_MAP, back);
     by_triangle(back, pull, off), by_triangle(back, step, lead); /* of the mixture from the shadow, of that from the filter */
     congruent(back, D), eigen(D, U);
     congruent(back, V), eigen(V, W);

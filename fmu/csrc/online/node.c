@@ -44,12 +44,10 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
     angle_between(pose->R, node->R, turn);
     node->count += 1.0, node->times += t, node->squares += t * t;
     for (int k = 0; k < 3; k++) {
-        double drift = pose->c[k] - filter->x[k], column[6] = {0};
+        double drift = pose->c[k] - filter->x[k];
         node->turn[k] += turn[k], node->turn_times[k] += t * turn[k];
         node->drift[k] += drift, node->drift_times[k] += t * drift;
-        column[3 + k] = 1.0;
-        solved(6, pose->factor, column);
-        node->variance += column[3 + k] / 3.0;
+        node->variance += pose->covariance[3 + k][3 + k] / 3.0;
     }
     if (filter->manoeuvred != 0.0) {
         const Transition transition = transition_of_node(filter);
@@ -289,13 +287,6 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     filter->of_attitude = of_attitude;
     follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, measurement.turn);
     filter->turned = time;
-    double V[6][6];
-    for (int j = 0; j < 6; j++) {
-        double column[6] = {0};
-        column[j] = 1.0;
-        solved(6, pose.factor, column);
-        for (int k = 0; k < 6; k++) V[k][j] = column[k];
-    }
-    extend_map(filter, &frame, lag, V);
+    extend_map(filter, &frame, lag, pose.covariance);
     return 1;
 }

@@ -107,7 +107,10 @@ static int is_expected(Online *filter, Frame *frame, const PredictedAttitude *pr
     else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, predicted, &other) &&
              (far || angle_between(other.R, predicted->R, turn) < 0.5 * angle))
         *pose = other, fits = 1;
-    else fits = fits && registered(filter, frame, predicted, pose);
+    else if (fits) {
+        weigh_all(frame, predicted->R);
+        fits = registered(filter, frame, predicted, pose);
+    }
     return fits && !is_surprising(filter, predicted, pose);
 }
 

@@ -1,8 +1,8 @@
 /* The posterior: what is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
 
-/* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
+/* What the open node says; 0 where it is not to be taken. A node with a jump, against the
    likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
-static int open_node(const Online *filter, const PackedMember *likely, Measurement *measurement, double M[3][3]) {
+static int open_node(const Online *filter, const PackedMember *likely, Measurement *measurement) {
     Frame frame;
     Pose pose;
     Sweep sweep;
@@ -20,7 +20,7 @@ static int open_node(const Online *filter, const PackedMember *likely, Measureme
     common_noise(filter, &frame, &pose, measurement, common);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) measurement->noise[a][b] += common[a][b];
-    seeming(pose.R, measurement->turn, measurement->noise, M);
+    find_seeming(pose.R, measurement);
     unpack_member(likely, &best);
     if (!innovation(&best, measurement, e, L, B)) return 0;
     whitened(L, e);
@@ -28,16 +28,13 @@ static int open_node(const Online *filter, const PackedMember *likely, Measureme
 }
 
 /* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_measurement(
-    PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double M[3][3], double widest
-) {
+static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double widest) {
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        add_change(&bank[m], measurement);
         unpack_member(&bank[m], &member);
-        if (!update_on_curve(&member, measurement, curve)) return 0;
-        take_back_of_member(&member, M, widest);
+        add_change(&member, measurement);
+        if (!take_node(&member, measurement, curve, widest)) return 0;
         pack_member(&member, &bank[m]);
     }
     return 1;
@@ -97,7 +94,6 @@ static double seeming_part(const Online *filter, const Posterior *posterior) {
 static void find_posterior(const Online *filter, Posterior *posterior) {
     PackedMember bank[MEMBERS + 1];
     Measurement measurement;
-    double M[3][3];
     if (filter->posterior_valid != 0.0) {
         *posterior = filter->posterior;
         return;
@@ -106,8 +102,8 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     Member large = large_at(filter, filter->from);
     propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
-    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement, M);
-    if (taken && !take_measurement(bank, &measurement, filter->curve, M, filter->widest)) propagated_bank(filter, &transition, bank);
+    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement);
+    if (taken && !take_measurement(bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);

@@ -33,15 +33,29 @@ static void bend(Frame *frame, int i, const double e[3], const double We[3]) {
     for (int k = 0; k < 3; k++) frame->bent[i][k] = e[k] - dot(frame->noise[i][k], We) - dot(frame->more[i][k], We);
 }
 
-/* Gauss and Newton's steps with the points that fit; 0 if these leave a direction free. */
+/* The covariance of a pose by the Cholesky factor of its normal equations, which is overwritten. */
+static void invert_normal_equations(double L[36], double covariance[6][6]) {
+    invert_triangle(6, L);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int k = i; k < 6; k++) sum += L[6 * k + i] * L[6 * k + j];
+            covariance[i][j] = covariance[j][i] = sum;
+        }
+}
+
+/* Gauss and Newton's steps with the points that fit, which are weighed at the attitude from which it begins; 0 if these leave a direction
+   free. */
 static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
+    double N[36];
     for (int round = 0; round < ROUNDS; round++) {
-        double N[36] = {0}, step[6] = {0}, largest = 0.0, width = 0.0;
+        double step[6] = {0}, largest = 0.0, width = 0.0;
+        for (int k = 0; k < 36; k++) N[k] = 0.0;
         pose->count = 0;
         for (int i = 0; i < frame->count; i++) {
             if (!frame->fits[i]) continue;
             double arm[3], e[3], We[3], K[3][3], WK[3][3];
-            weighed(frame, i, pose->R);
+            if (round > 0) weighed(frame, i, pose->R);
             residual(filter, frame, pose, i, arm, e, We);
             bend(frame, i, e, We);
             for (int k = 0; k < 3; k++) arm[k] += frame->bent[i][k];
@@ -59,7 +73,6 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
             pose->count++;
         }
         if (pose->count < 3 || !factored(6, N)) return 0;
-        for (int k = 0; k < 36; k++) pose->factor[k] = N[k];
         solved(6, N, step);
         for (int k = 0; k < 3; k++) pose->c[k] += step[k];
         for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(step[k]));
@@ -68,6 +81,7 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
         turn_left(step + 3, pose->R);
         if (width < 1e-6) break;
     }
+    invert_normal_equations(N, pose->covariance);
     pose->squares = 0.0;
     for (int i = 0; i < frame->count; i++) {
         double arm[3], e[3], We[3];
@@ -96,6 +110,7 @@ static int settled(const Online *filter, Frame *frame, Pose *pose) {
         if (!adjusted(filter, frame, pose)) return 0;
         if (!sorted_out(filter, frame, pose, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
     }
+    weigh_all(frame, pose->R);
     return adjusted(filter, frame, pose);
 }
 
@@ -157,7 +172,7 @@ static int agreed(const Online *filter, Frame *frame, const PredictedAttitude *p
     return settled(filter, frame, best);
 }
 
-/* The pose from all points that are in the map, near a predicted attitude; 0 if one does not fit. */
+/* The pose from all points that are in the map, which are weighed at a predicted attitude, near that; 0 if one does not fit. */
 static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
     copy(predicted->R, pose->R);
@@ -165,7 +180,7 @@ static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAt
     return adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE);
 }
 
-/* The pose of a frame near a predicted attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
+/* The pose of a frame near a predicted attitude, at which its points are weighed, or by agreement; 0 if fewer than three, or half of them, fit. */
 static int registered(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int known = 0;
     for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;

@@ -33,7 +33,7 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
     copy(stored->lag, measurement->lag), copy(stored->offset, measurement->offset), copy(stored->turn, measurement->turn);
     for (int a = 0; a < OF_MAP; a++)
         for (int b = 0; b < OF_MAP; b++) measurement->change[a][b] = stored->change[a][b], measurement->follow[a][b] = stored->follow[a][b];
-    measurement->bend = stored->bend;
+    measurement->bend = stored->bend, measurement->span = stored->transition.span;
     times(stored->offset, wrong, off);
     moved_by_turn(off, K);
     copy(P, spread);
@@ -51,8 +51,8 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
 
 /* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
 static int update_again(Online *filter, const StoredNode *stored, Measurement *measurement, double seems[3][3]) {
-    double jump, M[3][3];
-    Member member;
+    double jump;
+    Member member, likely;
     int sound;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
@@ -60,14 +60,15 @@ static int update_again(Online *filter, const StoredNode *stored, Measurement *m
         advance_member(&member, noise_of(&filter->options, &member), &stored->transition);
         pack_member(&member, &filter->bank[m]);
     }
-    seeming(measurement->offset, measurement->turn, measurement->noise, M);
-    update_members(filter, measurement, NULL, M, stored->transition.span, &jump, &sound);
+    find_seeming(measurement->offset, measurement);
+    changed_likeliest(filter, measurement, &likely);
+    update_members(filter, &likely, measurement, NULL, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)
         for (int a = 0; a < OF_MAP && is_alive(&filter->bank[m]); a++) filter->bank[m].x[OFFSET + a] -= stored->moved[a];
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) seems[a][b] += M[a][b];
+        for (int b = 0; b < 3; b++) seems[a][b] += measurement->seems[a][b];
     return sound;
 }
 

@@ -1,20 +1,19 @@
 /* Information on the offset that is none, taken back. */
 
 /* The information on the offset that is not there: the noise of an attitude turns the offset, too, and seems to show it, by
-   E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. In B. */
-static void seeming(const double R[3][3], double turn[3][3], double noise[3][3], double M[3][3]) {
-    double weight[3][3], T[3][3], found[3][3];
-    if (!inverted(noise, weight)) copy(NOTHING, weight); /* rounding has left it indefinite */
-    of_cross(turn, weight, found);
-    product(found, R, T);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            M[i][j] = 2.0 * (R[0][i] * T[0][j] + R[1][i] * T[1][j] + R[2][i] * T[2][j]);
+   E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. Of a
+   measurement at the attitude R. */
+static void find_seeming(const double R[3][3], Measurement *measurement) {
+    double weight[3][3], found[3][3];
+    if (!inverted(measurement->noise, weight)) copy(NOTHING, weight); /* rounding has left it indefinite */
+    of_cross(measurement->turn, weight, found);
+    in_body(R, found, measurement->seems);
+    scale_block(measurement->seems[0], 9, 2.0);
 }
 
 /* M (1 + P M)^-1: information M is taken from a covariance P, to first order, but never more than half of it, nor what was
    known before the first frame: a variance of `widest`. */
-static void damped(double P[3][3], double M[3][3], double widest, double found[3][3]) {
+static void damped(double P[3][3], const double M[3][3], double widest, double found[3][3]) {
     double inverse[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
     copy(NOTHING, found);
     if (!(part > 0.0) || !inverted(M, inverse)) return;
@@ -25,7 +24,7 @@ static void damped(double P[3][3], double M[3][3], double widest, double found[3
         for (int j = 0; j <= i; j++) found[i][j] = found[j][i] = 0.5 * part * (found[i][j] + found[j][i]);
 }
 
-static void take_back(Online *filter, double M[3][3]) {
+static void take_back(Online *filter, const double M[3][3]) {
     int n = size_of(filter), used = (int)filter->used;
     double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
     with_centroid(filter, G);
@@ -35,13 +34,11 @@ static void take_back(Online *filter, double M[3][3]) {
     damped(P, M, filter->widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
-        for (int j = 0; j < i; j++) filter->P[j][i] = filter->P[i][j];
-    }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
 }
 
-static void take_back_of_member(Member *member, double M[3][3], double widest) {
+static void take_back_of_member(Member *member, const double M[3][3], double widest) {
     const int n = (int)member->errors;
     double P[3][3], less[3][3], G[3][ERRORS], MG[3][ERRORS];
     for (int a = 0; a < 3; a++) {
@@ -51,8 +48,6 @@ static void take_back_of_member(Member *member, double M[3][3], double widest) {
     damped(P, M, widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
-        for (int j = 0; j < i; j++) member->P[j][i] = member->P[i][j];
-    }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
 }

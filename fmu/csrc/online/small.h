@@ -70,10 +70,11 @@ static int factored(int n, double *A) {
         if (!(d > 1e-13 * A[j * n + j])) return 0;
         d = sqrt(d);
         A[j * n + j] = d;
+        const double inverse = 1.0 / d;
         for (int i = j + 1; i < n; i++) {
             double s = A[i * n + j];
             for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
-            A[i * n + j] = s / d;
+            A[i * n + j] = s * inverse;
         }
     }
     return 1;
@@ -91,6 +92,18 @@ static void solved(int n, const double *L, double *x) {
     }
 }
 
+/* The inverse of a lower triangle in place. */
+static void invert_triangle(int n, double *L) {
+    for (int j = 0; j < n; j++) {
+        L[n * j + j] = 1.0 / L[n * j + j];
+        for (int i = j + 1; i < n; i++) {
+            double sum = 0.0;
+            for (int k = j; k < i; k++) sum += L[n * i + k] * L[n * k + j];
+            L[n * i + j] = -sum / L[n * i + i];
+        }
+    }
+}
+
 /* L^-1 e in place, of a Cholesky factor L (3, 3): of variance 1 in all directions, if L L' is the covariance of e. */
 static void whitened(const double L[9], double e[3]) {
     for (int k = 0; k < 3; k++) {
@@ -102,10 +115,10 @@ static void whitened(const double L[9], double e[3]) {
 /* The same of the columns of B (3, n), whose rows have `stride` numbers. */
 static void whiten_rows(const double L[9], int n, int stride, double *B) {
     for (int k = 0; k < 3; k++) {
-        double *row = B + k * stride;
+        double *row = B + k * stride, inverse = 1.0 / L[4 * k];
         for (int j = 0; j < k; j++)
             for (int a = 0; a < n; a++) row[a] -= L[3 * k + j] * B[j * stride + a];
-        for (int a = 0; a < n; a++) row[a] /= L[4 * k];
+        for (int a = 0; a < n; a++) row[a] *= inverse;
     }
 }
 
@@ -205,6 +218,10 @@ static double angle_between(const double A[3][3], const double B[3][3], double t
 static void transposed(const double A[3][3], double C[3][3]) {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) C[j][i] = A[i][j];
+}
+
+static void scale_block(double *values, int count, double factor) {
+    for (int k = 0; k < count; k++) values[k] *= factor;
 }
 
 static void copy(const double from[3][3], double to[3][3]) {

@@ -108,18 +108,18 @@ static int spin_on(const OnlineOptions *options, Spin *spin, double begin, doubl
 
 /* The covariance goes on, with torque of a density. */
 static void spread_on(double P[SPIN][SPIN], const double F[6][SPIN], const double Q[6][6], double density) {
-    double A[6][SPIN];
+    double A[6][SPIN], across[SPIN][6];
     for (int i = 0; i < 6; i++) {
-        for (int j = 0; j < SPIN; j++) A[i][j] = 0.0;
+        for (int j = 0; j < SPIN; j++) A[i][j] = 0.0, across[j][i] = F[i][j];
         for (int k = 0; k < SPIN; k++)
             for (int j = 0; j < SPIN; j++) A[i][j] += F[i][k] * P[k][j];
     }
     for (int i = 0; i < 6; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = density * Q[i][j];
-            for (int k = 0; k < SPIN; k++) sum += A[i][k] * F[j][k];
-            P[i][j] = P[j][i] = sum;
-        }
+        double row[6];
+        for (int j = 0; j < 6; j++) row[j] = density * Q[i][j];
+        for (int k = 0; k < SPIN; k++)
+            for (int j = 0; j < 6; j++) row[j] += A[i][k] * across[k][j];
+        for (int j = 0; j <= i; j++) P[i][j] = P[j][i] = row[j];
         for (int j = 6; j < SPIN; j++) P[i][j] = P[j][i] = A[i][j];
     }
 }

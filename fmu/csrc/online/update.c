@@ -30,7 +30,7 @@ static void correct(Online *filter, Frame *frame, double lag, const double dx[],
    centre of mass as it is known now. 0 where rounding has left the covariance indefinite. */
 static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
                         const double share[MOST_FEATURES][OF_MAP][3], Measurement *measurement) {
-    double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
+    double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}};
     double moved[OF_MAP], rate[3][3];
     int first = TRANSLATION, late;
     Measurement bare = *measurement;
@@ -41,8 +41,9 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     for (int j = 0; j < 3; j++)
         for (int k = 0; k < 3; k++) measurement->noise[j][k] += common[j][k];
     add_thrust_of_node(filter, measurement, common);
-    seeming(pose->R, measurement->turn, measurement->noise, M);
-    add_noise(update_bank(filter, measurement, M, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
+    measurement->span = filter->span;
+    find_seeming(pose->R, measurement);
+    add_noise(update_bank(filter, measurement, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
         if (frame->passage[i].swept != 0.0) first = RATE;
@@ -53,17 +54,18 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
         for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
     for (int i = 0; i < frame->count; i++)
         if (frame->fits[i] && !update_point(filter, frame, i, lag, first, dx)) return 0;
+    complete_covariance(filter);
     for (int f = 0; f < (int)filter->used; f++) copy_shares(share[f], filter->share[f]);
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
     turn_left(&dx[ATTITUDE], filter->R);
-    take_back(filter, M);
+    take_back(filter, measurement->seems);
     Member shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
-    take_back_of_member(&shadow, M, filter->widest);
+    take_back_of_member(&shadow, measurement->seems, filter->widest);
     pack_member(&shadow, &filter->bank[SHADOW]);
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
+        for (int j = 0; j < 3; j++) filter->seeming[i][j] += measurement->seems[i][j];
     keep(filter, &bare, moved);
     if (take_again(filter) && is_elsewhere(filter)) {
         take_mixture(filter, dy);

@@ -78,7 +78,13 @@ def test_structs_are_those_of_the_header(kind, struct):
 SEEMS = """#include "library.c"
 static void soil(void) { volatile double stack[2000]; for (int k = 0; k < 2000; k++) stack[k] = 1e300, (void)stack[k]; }
 void seems(double R[3][3], double turn[3][3], double noise[3][3], double M[3][3])
-{ soil(); seeming(R, turn, noise, M); }"""
+{
+    Measurement measurement;
+    copy(turn, measurement.turn), copy(noise, measurement.noise);
+    soil();
+    find_seeming(R, &measurement);
+    copy(measurement.seems, M);
+}"""
 
 
 def test_a_noise_that_rounding_left_indefinite_shows_nothing(tmp_path):
