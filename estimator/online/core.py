@@ -92,6 +92,7 @@ class State(ctypes.Structure):
         ("covariance", _double * 36),
         ("thrust", _double * 4),
         ("of_thrust", _double * 16),
+        ("execution", _double),
     )
 
 

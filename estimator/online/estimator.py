@@ -79,7 +79,9 @@ class OnlineState:
     lasting: how many frames have the same errors of the features, 1 + 2 Σ ρ; the covariance allows for it;
     thrust (4,): what the thrusters are wrong by, a scale s, and a rotation vector m in their axes, rad: an acceleration
     that is told is (1 + s) exp([m]×) times that; thrust_covariance (4, 4). Zeros before the first push, and if
-    thrust_std is 0.
+    thrust_std is 0. execution: what each push is wrong by besides, of its
+    own (Gates 1963): the rms of what is likely, in each direction, as a part of the push; 0 without an orbit, before
+    the first push, and if thrust_std is 0.
     """
 
     time: float
@@ -93,6 +95,7 @@ class OnlineState:
     lasting: float
     thrust: FloatArray
     thrust_covariance: FloatArray
+    execution: float
 
     __repr__ = brief
 
@@ -249,7 +252,9 @@ class OnlineEstimator:
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
         thrust, of_thrust = np.array(found.thrust), np.array(found.of_thrust).reshape(4, 4)
         scalars = found.density, found.noise_ratio, found.lasting
-        return OnlineState(time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, *scalars, thrust, of_thrust)
+        return OnlineState(
+            time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, *scalars, thrust, of_thrust, found.execution
+        )
 
     def tumble(self, time: float) -> OnlineTumble | None:
         """The tumble at a time in s that is not before the last frame; None as long as no free tumble is known.

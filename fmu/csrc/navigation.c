@@ -313,6 +313,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     values[AT_NOISE_LASTING] = now.lasting;
+    values[AT_THRUST_EXECUTION] = now.execution;
     for (int k = 0; k < OF_THRUST; k++) {
         values[AT_THRUST_ERROR + k] = now.thrust[k];
         values[AT_THRUST_DEVIATION + k] = sqrt(now.of_thrust[k][k]);

@@ -149,6 +149,7 @@ _PLACES = {
     "AT_NOISE_LASTING": "noiseLasting",
     "AT_THRUST_ERROR": "thrust.error[1]",
     "AT_THRUST_DEVIATION": "thrust.deviation[1]",
+    "AT_THRUST_EXECUTION": "thrust.execution",
     "AT_BODY_FEATURES": "body.features[1,1]",
     "AT_BODY_COVARIANCES": "body.covariances[1,1]",
     "AT_BODY_KNOWN": "body.known[1]",

@@ -156,6 +156,11 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
             "thrust.deviation", "1", "Standard deviations of thrust.error; 0 before thrust, or exact", (4,),
             axes=THRUSTERS,
         ),
+        shown(
+            "thrust.execution", "1",
+            "Standard deviation of what each push is wrong by of its own, in each direction, as a part of the push",
+            limits=NOT_NEGATIVE,
+        ),
         shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
         shown("body.covariances", "m2", "Covariances of body.features; 0 if unknown", (n, 6), axes=UPPER),
         shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),

@@ -105,6 +105,7 @@ static void state_there(const Online *filter, const Ahead *ahead, OnlineState *s
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) state->covariance[i][j] = 0.5 * (P[i][j] + P[j][i]);
+    state->execution = sqrt(ahead->posterior.execution);
     for (int i = 0; i < OF_THRUST && ahead->posterior.errors == ERRORS; i++) {
         state->thrust[i] = filter->thrust[i] + ahead->posterior.x[THRUST + i];
         for (int j = 0; j < OF_THRUST; j++) {

@@ -10,16 +10,17 @@ d being what the map's offset is wrong by, and s its size: where depths are far 
 are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
 
 /* What a member takes the path for: densities of white acceleration, m2/s3, and of white jerk, m2/s5, and the deviation of
-   an acceleration at first, m/s2; and by how much of the told variance thrusters change, 1/s. */
+   an acceleration at first, m/s2; by how much of the told variance thrusters change, 1/s; and how much of it errors have that each push has
+   of its own. */
 typedef struct {
-    double white, jerk, bend, wander;
+    double white, jerk, bend, wander, execution;
 } ProcessNoise;
 
 #define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
 #define BENT_ODDS (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
-#define WANDER_ODDS BENT_ODDS /* that thrusters change, by one size */
+#define WANDER_ODDS BENT_ODDS /* that thrusters change, or that each push has an error of its own, by one size */
 /* Where no orbit is told there is one, most likely, and gravity bends the path from the chaser by up to 3 n2 r, in m/s2: 1e-7
    6 m away in a geostationary orbit, 1e-4 30 m away in a low one. The eight members of such sizes are as likely as the other sixteen. */
 #define LEAST_OF_GRAVITY 0.5e-7
@@ -46,8 +47,16 @@ static const double WALK_TIME[WALKS] = {1000.0, 30.0};
 /* By how much of what is told of them thrusters change in 1000 s, from what the pushes of a flight hardly show on. */
 static const double WANDER[WANDERS] = {1e-3, 1e-2, 1e-1, 1.0, 10.0};
 
+/* Standard deviations of what each push is wrong by, as parts of what is told of thrusters. Over a flight pushes tell theirs to a few percent:
+   so they are nearer to each other than densities. */
+static const double EXECUTION[EXECUTIONS] = {0.0625, 0.125, 0.25, 0.5, 1.0, 2.0};
+
 static ProcessNoise process_noise_of(int kind) {
     if (kind < DENSITIES) return (ProcessNoise){.white = DENSITY[kind]};
+    if (kind >= STEADY + WANDERS) {
+        const double part = EXECUTION[kind - STEADY - WANDERS];
+        return (ProcessNoise){.white = DENSITY[0], .execution = part * part};
+    }
     if (kind >= STEADY) return (ProcessNoise){.white = DENSITY[0], .wander = WANDER[kind - STEADY] * WANDER[kind - STEADY] / 1000.0};
     double bend = ACCELERATION[(kind - DENSITIES) % ACCELERATIONS];
     return (ProcessNoise){.white = DENSITY[0], .jerk = bend * bend / WALK_TIME[(kind - DENSITIES) / ACCELERATIONS], .bend = bend};
@@ -59,6 +68,16 @@ static int kind_of(const Online *filter, int m) {
 }
 
 static int member_of(const Online *filter, int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
+
+/* Errors of pushes of a variance, as a part of these, in every direction alike. */
+static void add_execution(double variance, const double pushes[3], double P[ERRORS][ERRORS]) {
+    for (int k = 0; k < 3; k++) {
+        P[k][k] += variance * pushes[0];
+        P[3 + k][3 + k] += variance * pushes[1];
+        P[k][3 + k] += variance * pushes[2];
+        P[3 + k][k] += variance * pushes[2];
+    }
+}
 
 /* White jerk over T s: of (r, v) and the acceleration. */
 static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
@@ -156,7 +175,7 @@ static PackedMember going_on(const PackedMember *from, int steady) {
 
 /* How many members without a jump there are. */
 static int count_of(const Online *filter) {
-    return filter->options.on_orbit == 0.0 ? STEADY : filter->manoeuvred != 0.0 ? ON_ORBIT + WANDERS : ON_ORBIT;
+    return filter->options.on_orbit == 0.0 ? STEADY : filter->manoeuvred != 0.0 ? ON_ORBIT + WANDERS + EXECUTIONS : ON_ORBIT;
 }
 
 /* What a member weighs before the first frame. */
@@ -238,12 +257,13 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     add_noise(noise.white, T, &member->P[0][0], ERRORS);
     if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
     for (int k = THRUST; k < n; k++) member->P[k][k] += noise.wander * T;
+    if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, member->P);
 }
 
 /* The process noise of a member. */
 static ProcessNoise noise_of(const OnlineOptions *options, const Member *member) {
     ProcessNoise noise = process_noise_of((int)member->steady);
-    noise.wander *= options->thrust * options->thrust;
+    noise.wander *= options->thrust * options->thrust, noise.execution *= options->thrust * options->thrust;
     return noise;
 }
 

@@ -43,7 +43,11 @@ static void append_transition(Transition *transition, const Transition *by) {
             for (int j = 0; j < 6; j++) transition->by_thrust[i][k] += by->F[i][j] * before.by_thrust[j][k];
         }
     }
-    transition->span += by->span;
+    const double T = by->span, *before_it = before.pushes;
+    transition->pushes[0] = before_it[0] + T * (2.0 * before_it[2] + T * before_it[1]) + by->pushes[0];
+    transition->pushes[1] = before_it[1] + by->pushes[1];
+    transition->pushes[2] = before_it[2] + T * before_it[1] + by->pushes[2];
+    transition->span += T;
 }
 
 /* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
@@ -122,7 +126,7 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
         for (int b = 0; b < n; b++) own.P[a][b] = posterior->own[a][b], wider.P[a][b] = posterior->wider[a][b];
     }
     advance_member(&own, (ProcessNoise){.white = posterior->white}, transition);
-    advance_member(&wider, (ProcessNoise){.jerk = posterior->jerk, .wander = posterior->wander}, transition);
+    advance_member(&wider, (ProcessNoise){.jerk = posterior->jerk, .wander = posterior->wander, .execution = posterior->execution}, transition);
     for (int a = 0; a < n; a++) {
         posterior->x[a] = wider.x[a];
         for (int b = 0; b < n; b++) posterior->own[a][b] = own.P[a][b], posterior->wider[a][b] = wider.P[a][b];
@@ -141,7 +145,11 @@ static Transition transition_of_node(const Online *filter) {
 static void step_on(const Online *filter, double begin, double end, const Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
     propagate(&filter->options, begin, end, x, transition->F);
-    if (manoeuvre) add_manoeuvre(filter, manoeuvre, x, transition->by_thrust);
+    if (manoeuvre) {
+        const double *place = manoeuvre->moved, *speed = &manoeuvre->moved[3];
+        add_manoeuvre(filter, manoeuvre, x, transition->by_thrust);
+        transition->pushes[0] = dot(place, place), transition->pushes[1] = dot(speed, speed), transition->pushes[2] = dot(place, speed);
+    }
     if (posterior) propagate_posterior(posterior, transition);
 }
 

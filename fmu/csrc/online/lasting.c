@@ -23,17 +23,17 @@ static void add_residual(Lasting *lasting, ResidualBlocks *series, double sighti
             for (int k = 0; k < 3; k++) {
                 double half = sum[a][k];
                 sum[a][k] += series->half[j][a][k];
-                series->half[j][a][k] = series->waits[j] != 0.0 ? 0.0 : half;
+                series->half[j][a][k] = series->waits >> j & 1 ? 0.0 : half;
             }
-        series->waits[j] = series->waits[j] == 0.0;
-        if (series->waits[j] != 0.0) return;
+        series->waits ^= 1LL << j;
+        if (series->waits >> j & 1) return;
     }
 }
 
 /* Blocks that are shorter than a gap in the sightings do not go on after it. */
 static void drop_halves(ResidualBlocks *series, double gap) {
     for (int j = 0; j < SCALES && (1 << j) <= gap; j++) {
-        series->waits[j] = 0.0;
+        series->waits &= ~(1LL << j);
         for (int a = 0; a < 2; a++)
             for (int k = 0; k < 3; k++) series->half[j][a][k] = 0.0;
     }

@@ -44,6 +44,7 @@ enum {
     STEADY = DENSITIES + ACCELERATIONS * WALKS,
     ON_ORBIT = DENSITIES + 4, /* of them where an orbit is given, from which a path departs little */
     WANDERS = 5, /* sizes by which thrusters change: kinds after STEADY, of members after ON_ORBIT once the chaser has manoeuvred on an orbit */
+    EXECUTIONS = 6, /* sizes of errors that each push has of its own: kinds after these, of members after theirs */
     JUMPS = 4, /* members at most that have jumped */
     MEMBERS = STEADY + JUMPS,
     SHADOW = MEMBERS,
@@ -94,9 +95,11 @@ typedef struct {
     double last_stereo[3];   /* of the last one: ln of its range over the map's, of this, of its variance */
 } Feature;
 
-/* Sums of a feature's residuals over blocks that wait for their other halves, along C and B; and the number of its last frame. */
+/* Sums of a feature's residuals over blocks that wait for their other halves, along C and B, of a scale each, of which `waits` has a bit; and
+   the number of its last frame. */
 typedef struct {
-    double half[SCALES][2][3], waits[SCALES], last;
+    double half[SCALES][2][3], last;
+    long long waits;
 } ResidualBlocks;
 
 /* Of all features: how many blocks there were, and their squared sums over the numbers of sightings. */
@@ -147,9 +150,10 @@ typedef struct {
     double pending;        /* 1: the large filter has not jumped */
 } Jump;
 
-/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. */
+/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. pushes: what its pushes, each in a
+   direction of its own, make of (r, v) if they are wrong by their own size: variances of a coordinate of r and v, and what both have in common. */
 typedef struct {
-    double span, step[6], F[6][6], by_thrust[6][OF_THRUST];
+    double span, step[6], F[6][6], by_thrust[6][OF_THRUST], pushes[3];
 } Transition;
 
 /* By what an acceleration has moved the chaser, (r, v) in C, and the axes in which its thrusters are fixed, R_C_D. */
@@ -171,7 +175,8 @@ typedef struct {
 typedef struct {
     double errors; /* MOTION or ERRORS; others are 0 */
     double x[ERRORS], own[ERRORS][ERRORS], wider[ERRORS][ERRORS];
-    double white, jerk, wander; /* densities of white acceleration and jerk, m2/s3, m2/s5, and by how much the variance of thrusters grows, 1/s */
+    double white, jerk, wander, execution; /* densities of white acceleration and jerk, m2/s3, m2/s5, by how much the variance of thrusters grows, 1/s, and
+                                              that of what each push is wrong by, as a part of it */
     double seems;       /* what was taken back as noise, over what is known of the offset */
 } Posterior;
 
@@ -262,6 +267,7 @@ typedef struct {
     double r[3], v[3], R[3][3];
     double covariance[6][6]; /* of r and v */
     double thrust[4], of_thrust[4][4]; /* what the thrusters are wrong by: a scale, a rotation vector in their axes, rad; covariance */
+    double execution; /* standard deviation of what each push is wrong by besides, in each direction, as a part of it */
 } OnlineState;
 
 /* The chaser's acceleration in C, m/s2, and the axes in which its thrusters are fixed, R_C_D. */

@@ -71,7 +71,8 @@ static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], P
         if (!is_alive(&bank[m])) continue;
         ProcessNoise noise = process_noise_of((int)bank[m].steady);
         double part = exp(bank[m].weight) / sum;
-        white += part * log(noise.white), posterior->jerk += part * noise.jerk, posterior->wander += part * noise.wander;
+        white += part * log(noise.white), posterior->jerk += part * noise.jerk;
+        posterior->wander += part * noise.wander, posterior->execution += part * noise.execution;
     }
     posterior->white = exp(white);
 }
@@ -107,7 +108,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);
-    posterior->wander *= filter->options.thrust * filter->options.thrust;
+    posterior->wander *= filter->options.thrust * filter->options.thrust, posterior->execution *= filter->options.thrust * filter->options.thrust;
     posterior->seems = seeming_part(filter, posterior);
 }
 

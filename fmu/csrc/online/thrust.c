@@ -192,13 +192,16 @@ static double all_graded(const Member *member, double variance, double factor, d
     return best + log(sum);
 }
 
+/* Whether a kind of member takes thrusters for changing. */
+static int wanders(int kind) { return kind >= STEADY && kind < STEADY + WANDERS; }
+
 /* A member becomes what all grades together say: mean and covariance of their mixture, and its likelihood. The bank itself goes on
    with what is told: from what exact thrusters say of the size of the map the large filter would learn it, tell the bank, and so
    confirm that they are exact. */
 static void grade(const OnlineOptions *options, double factor, PackedMember *one) {
     double mean[OF_THRUST], M[OF_THRUST][OF_THRUST], before[ERRORS][OF_THRUST];
     Member member;
-    if (one->errors != ERRORS || one->steady >= STEADY) return;
+    if (one->errors != ERRORS || wanders((int)one->steady)) return;
     unpack_member(one, &member);
     member.weight += all_graded(&member, options->thrust * options->thrust, factor, mean, M);
     for (int i = 0; i < ERRORS; i++)
