@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.validation import validate_fmu
+from fmpy.model_description import ValidationError
 
 from baryscope.fmu.check.finding import Finding, error, listed, warning
+from baryscope.fmu.check.names import is_structured, name_findings
 from baryscope.fmu.check.units import unit_findings
 
 # Declared capabilities that only a specialised importer can exercise.
@@ -30,7 +31,9 @@ UNCHECKED = (
 
 def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     """All checks of an unpacked unit that do not run its binary."""
-    yield from (error("modelDescription.xml", str(problem)) for problem in validate_fmu(str(folder)))
+    problems = _fmpy_problems(folder, names=not is_structured(description))
+    yield from (error("modelDescription.xml", problem) for problem in problems)
+    yield from name_findings(description)
     yield from unit_findings(description)
     yield from _reference_findings(description)
     yield from _start_findings(description)
@@ -39,6 +42,19 @@ def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     yield from _dependency_findings(description)
     yield from _flag_findings(description)
     yield from _binary_findings(folder, description)
+
+
+def _fmpy_problems(folder: Path, *, names: bool) -> list[str]:
+    """What fmpy's `validate_fmu` finds in an unpacked unit; names: of variables, too."""
+    try:
+        fmpy.read_model_description(
+            str(folder), validate=True, validate_variable_names=names, validate_model_structure=True
+        )
+    except ValidationError as found:
+        return [str(problem) for problem in found.problems]
+    except Exception as problem:  # of a file that it cannot read
+        return [str(problem)]
+    return []
 
 
 def read_description(folder: Path) -> Any:
@@ -65,9 +81,11 @@ def interfaces(description: Any) -> dict[str, Any]:
 
 def size_of(variable: Any) -> int:
     """The number of scalars of a variable, with structural parameters at their starts."""
+    if not variable.dimensions:
+        return 1
     extents = (
         dimension.start if dimension.start is not None else dimension.variable.start
-        for dimension in variable.dimensions or ()
+        for dimension in variable.dimensions
     )
     return prod(int(extent) for extent in extents)
 

@@ -171,14 +171,13 @@ class Instance:
 
     def get(self, variables: Sequence[Any]) -> FloatArray:
         """Values of numeric variables, flat; those of one type are read in one call."""
-        values = [np.empty(0)] * len(variables)
+        sizes = [size_of(variable) for variable in variables]
+        values = np.empty(sum(sizes))
         for kind in {variable.type for variable in variables}:
-            places = [place for place, variable in enumerate(variables) if variable.type == kind]
-            sizes = [size_of(variables[place]) for place in places]
-            found = np.asarray(self._get(kind, [variables[place] for place in places], sum(sizes)), dtype=float)
-            for place, part in zip(places, np.split(found, np.cumsum(sizes)[:-1]), strict=True):
-                values[place] = part
-        return np.concatenate([np.empty(0), *values])
+            own = np.repeat([variable.type == kind for variable in variables], sizes)
+            members = [variable for variable in variables if variable.type == kind]
+            values[own] = self._get(kind, members, int(np.count_nonzero(own)))
+        return values
 
     def _get(self, kind: str, variables: Sequence[Any], size: int) -> Any:
         references = [variable.valueReference for variable in variables]
