@@ -21,8 +21,7 @@ def are_in_line(points: FloatArray, most: float = IN_LINE) -> bool:
 
     most: rms distance from a line over that along it.
     """
-    values = np.linalg.eigvalsh(_inertia(points))
-    return bool(values[0] <= most**2 * values[-1])
+    return _are_in_line(np.asarray(np.linalg.eigvalsh(_inertia(points - points.mean(axis=0)))), most)
 
 
 def offset_by_points(points: FloatArray) -> FloatArray:
@@ -39,11 +38,14 @@ def attached_turn(points: FloatArray) -> FloatArray:
     Where they are in a line, that about it keeps the origin in one plane with it: the nearer it is to the line, the
     more an error of the points turns them.
     """
-    found = turn_by_points(points)
-    if not are_in_line(points):
+    centroid = points.mean(axis=0)
+    arms = points - centroid
+    inertia = _inertia(arms)
+    values, axes = np.linalg.eigh(inertia)
+    found = _turn(arms, values, axes)
+    if not _are_in_line(values, IN_LINE):
         return found
-    centroid, inertia = points.mean(axis=0), _inertia(points)
-    along = np.linalg.eigh(inertia)[1][:, 0]
+    along = axes[:, 0]
     across = np.cross(along, centroid)
     least = ON_LINE**2 * float(np.trace(inertia)) / len(points)
     by_points = across @ (_mean(points) + cross_matrices(centroid[None])[0] @ found)
@@ -55,9 +57,20 @@ def turn_by_points(points: FloatArray) -> FloatArray:
 
     The rotation is the least-squares rotation of the points about their centroid.
     """
-    arms = cross_matrices(points - points.mean(axis=0))
-    inverse = np.linalg.pinv(_inertia(points), rcond=IN_LINE**2, hermitian=True)
-    return np.asarray(inverse @ arms.transpose(1, 0, 2).reshape(3, -1))
+    arms = points - points.mean(axis=0)
+    return _turn(arms, *np.linalg.eigh(_inertia(arms)))
+
+
+def _turn(arms: FloatArray, values: FloatArray, axes: FloatArray) -> FloatArray:
+    """The same of arms (m, 3) from the centroid, with the eigenvalues (3,) and axes (3, 3) of their inertia."""
+    told = values > IN_LINE**2 * values[-1]
+    inverse = (axes[:, told] / values[told]) @ axes[:, told].T
+    return np.asarray(inverse @ cross_matrices(arms).transpose(1, 0, 2).reshape(3, -1))
+
+
+def _are_in_line(values: FloatArray, most: float) -> bool:
+    """The same by the eigenvalues (3,) of the points' inertia."""
+    return bool(values[0] <= most**2 * values[-1])
 
 
 def _mean(points: FloatArray) -> FloatArray:
@@ -65,7 +78,7 @@ def _mean(points: FloatArray) -> FloatArray:
     return np.tile(np.eye(3), len(points)) / len(points)
 
 
-def _inertia(points: FloatArray) -> FloatArray:
-    """That (3, 3) of points (m, 3) of mass 1 about their centroid, m²."""
-    arms = cross_matrices(points - points.mean(axis=0))
-    return np.asarray(np.einsum("mij,mkj->ik", arms, arms))
+def _inertia(arms: FloatArray) -> FloatArray:
+    """That (3, 3) of points of mass 1 at arms (m, 3) from their centroid, m²."""
+    products = arms.T @ arms
+    return np.asarray(np.trace(products) * np.eye(3) - products)
