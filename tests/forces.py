@@ -58,7 +58,7 @@ def torque_B(scenario, r, v, R_I_B, rate):
             3
             * scenario.orbit.gravitational_parameter
             / np.linalg.norm(r) ** 3
-            * np.cross(up, np.array(scenario.target.inertia) @ up)
+            * oracles.cross(up, np.array(scenario.target.inertia) @ up)
         )
     if scenario.eddy_currents is not None:
         m = np.array(scenario.eddy_currents.dipole)
@@ -69,7 +69,7 @@ def torque_B(scenario, r, v, R_I_B, rate):
 
         B, h = R_I_B.T @ field(r), 1.0
         B_dot = R_I_B.T @ (field(r + h * v) - field(r - h * v)) / (2 * h)
-        total += np.cross(np.array(scenario.eddy_currents.tensor) @ (np.cross(rate, B) - B_dot), B)
+        total += oracles.cross(np.array(scenario.eddy_currents.tensor) @ (oracles.cross(rate, B) - B_dot), B)
     return total
 
 
@@ -82,8 +82,8 @@ def fly(scenario, time):
         r, v, r_c, v_c = state[:12].reshape(4, 3)
         q, w = state[12:16], state[16:]
         R_I_B = Rotation.from_quat(q, scalar_first=True).as_matrix()
-        q_dot = 0.5 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])
-        w_dot = np.linalg.solve(J, torque_B(scenario, r, v, R_I_B, w) - np.cross(w, J @ w))
+        q_dot = 0.5 * np.array([-q[1:] @ w, *(q[0] * w + oracles.cross(q[1:], w))])
+        w_dot = np.linalg.solve(J, torque_B(scenario, r, v, R_I_B, w) - oracles.cross(w, J @ w))
         return np.concatenate(
             [v, acceleration(scenario, r, v, "target"), v_c, acceleration(scenario, r_c, v_c, "chaser"), q_dot, w_dot]
         )

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.tracks import FeatureTracks
+from oracles import cross
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray, braking: 
     It is torque-free but for −braking ω, N·m s/rad.
     """
 
+    inverse = np.linalg.inv(inertia)
+
     def slope(_: float, state: FloatArray) -> FloatArray:
         w, x, y, z = state[:4]
         omega = state[4:]
@@ -29,9 +32,7 @@ def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray, braking: 
         quaternion = 0.5 * np.array(
             [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
         )
-        return np.concatenate(
-            [quaternion, np.linalg.solve(inertia, -np.cross(omega, inertia @ omega) - braking * omega)]
-        )
+        return np.concatenate([quaternion, inverse @ (cross(inertia @ omega, omega) - braking * omega)])
 
     start = np.concatenate([[1.0, 0, 0, 0], rate0])
     solution = solve_ivp(

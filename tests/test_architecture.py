@@ -2,6 +2,7 @@
 
 import ast
 import tomllib
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -79,7 +80,10 @@ def imports_of(name):
                 yield target
 
 
-IMPORTS = {name: set(imports_of(name)) for name in MODULES}
+@cache
+def imports():
+    """By the name of each module."""
+    return {name: set(imports_of(name)) for name in MODULES}
 
 
 def layer_of(module):
@@ -113,7 +117,7 @@ def test_no_module_imports_upwards_or_sideways():
     wrong = [
         f"{name} imports {other}"
         for name in PLACED
-        for other in sorted(IMPORTS[name])
+        for other in sorted(imports()[name])
         if layer_of(other) is not None and room_of(other) != room_of(name) and layer_of(other) >= layer_of(name)
     ]
     assert wrong == []
@@ -122,7 +126,7 @@ def test_no_module_imports_upwards_or_sideways():
 def test_estimators_know_nothing_of_units_and_commands():
     for name in PLACED:
         package = name.split(".")[1]
-        reached = {other.split(".")[1] for other in IMPORTS[name]}
+        reached = {other.split(".")[1] for other in imports()[name]}
         if package == "estimator":
             # The online estimator is C, which the units' compiler driver builds; nothing else of a unit is known there.
             also = {"fmu"} if name == "baryscope.estimator.online.core" else set()
@@ -139,15 +143,15 @@ def test_estimators_know_nothing_of_units_and_commands():
 def test_the_populations_share_no_truth(population):
     """What one draws wrongly, another may show: of the others each knows only what judging asks of a case."""
     first = "baryscope.study.population"
-    own = {name for name in IMPORTS if name.startswith(f"{first}.{population}")}
-    shared = {other for name in own for other in IMPORTS[name] if other.startswith("baryscope")} - own
+    own = {name for name in imports() if name.startswith(f"{first}.{population}")}
+    shared = {other for name in own for other in imports()[name] if other.startswith("baryscope")} - own
     assert shared == {f"{first}.interface", "baryscope.estimator", "baryscope.models.orbit"}
-    assert own & {other for name in ("cases", "motion", "sensing") for other in IMPORTS[f"{first}.{name}"]} == set()
+    assert own & {other for name in ("cases", "motion", "sensing") for other in imports()[f"{first}.{name}"]} == set()
 
 
 def test_no_two_modules_import_each_other():
     """Not by a detour either: graphlib raises a CycleError with the modules of the cycle."""
-    assert len(list(TopologicalSorter(IMPORTS).static_order())) == len(MODULES)
+    assert len(list(TopologicalSorter(imports()).static_order())) == len(MODULES)
 
 
 MEASURING = ("baryscope.study.", "baryscope.scripts.benchmarks.")

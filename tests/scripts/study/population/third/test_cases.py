@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,8 +12,6 @@ from baryscope.study.population.third.cases import CLEAN, drawn, sampled
 from baryscope.study.population.third.mismatches import KINDS, planned
 
 SEED, COUNT = 1, 40
-CASES = [drawn(SEED, index) for index in range(COUNT)]
-SAMPLES = [sampled(case) for case in CASES]
 WORDS = {  # that name a mismatch in the kind of a case, where they are not its name
     "body torque": "body torque",
     "Student noise": "Student noise",
@@ -24,23 +23,33 @@ WORDS = {  # that name a mismatch in the kind of a case, where they are not its 
 }
 
 
+@cache
+def case_of(index):
+    return drawn(SEED, index)
+
+
+@cache
+def sample_of(index):
+    return sampled(case_of(index))
+
+
 @pytest.mark.parametrize("index", range(COUNT))
 def test_a_kind_names_each_mismatch_and_no_other(index):
-    plan, kind = planned(SEED, index), CASES[index].kind
+    plan, kind = planned(SEED, index), case_of(index).kind
     said = kind.partition(": ")[2].split("; ")
     for name in KINDS:
         assert any(part.startswith(WORDS.get(name, name)) for part in said) == (name in plan.mismatches), name
-    assert CASES[index].orbital == plan.orbital
+    assert case_of(index).orbital == plan.orbital
     assert kind.startswith(plan.place)
 
 
 @pytest.mark.parametrize("index", [0, 5, 13, 21])
 def test_a_case_is_of_its_seed_and_index_alone_and_a_sample_of_its_draw(index):
     again = drawn(SEED, index)
-    np.testing.assert_array_equal(again.path, CASES[index].path)
-    assert again.kind == CASES[index].kind
+    np.testing.assert_array_equal(again.path, case_of(index).path)
+    assert again.kind == case_of(index).kind
     same, other = sampled(again), sampled(again, 1)
-    np.testing.assert_array_equal(same.tracks.position, SAMPLES[index].tracks.position)
+    np.testing.assert_array_equal(same.tracks.position, sample_of(index).tracks.position)
     np.testing.assert_array_equal(same.tracks.seen, other.tracks.seen)
     seen = same.tracks.seen
     assert (same.tracks.position[seen] != other.tracks.position[seen]).all()
@@ -56,12 +65,12 @@ def test_a_clean_case_is_its_truth(index):
     assert np.abs(tracks.position - rigid).max() < 8 * CLEAN
     assert case.told == CLEAN
     for name in ("time", "path", "attitude", "turn", "points"):
-        np.testing.assert_array_equal(getattr(case, name), getattr(CASES[index], name))
+        np.testing.assert_array_equal(getattr(case, name), getattr(case_of(index), name))
 
 
 def test_the_precision_is_that_of_the_noise_of_what_is_right():
     """The mean square of all, whitened, against 3; what is common to a frame leaves fewer numbers than there are."""
-    for case, sample in zip(CASES, SAMPLES, strict=True):
+    for case, sample in ((case_of(index), sample_of(index)) for index in range(COUNT)):
         if case.blunders.words() or case.sensor.dof:
             continue
         error = (sample.tracks.position - case.watch.ideal)[sample.right]
@@ -73,7 +82,7 @@ def test_the_precision_is_that_of_the_noise_of_what_is_right():
 
 
 def test_what_judging_asks_for_is_there_and_finite():
-    for case, sample in zip(CASES, SAMPLES, strict=True):
+    for case, sample in ((case_of(index), sample_of(index)) for index in range(COUNT)):
         frames, labels = len(case.time), len(case.points)
         assert case.path_jacobian.shape == (frames, 3, 6)
         assert case.turn.shape == (frames, 3, 8)
@@ -89,7 +98,7 @@ def test_what_judging_asks_for_is_there_and_finite():
 
 
 def test_rotations_are_the_turns_of_a_steady_spin():
-    for case in CASES:
+    for case in map(case_of, range(COUNT)):
         if case.kind.startswith("hand"):
             continue
         steps = np.swapaxes(case.attitude[:-1], 1, 2) @ case.attitude[1:]
