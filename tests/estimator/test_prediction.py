@@ -98,11 +98,10 @@ def test_errors_of_a_point_agree_with_its_covariance(method, draws, estimates):
         for name, point, asked in (("F2", FEATURES[2], "F2"), ("hinge", HINGE, R_S_B @ (HINGE - centroid))):
             for end, near in zip(ends, (1, ends[1] - 1), strict=True):
                 rate = (R[near + 1] - R[near - 1]) @ point / 2  # by central differences
-                beside = found.predict([float(near)], asked)
-                assert np.linalg.norm(beside.velocity[0] - speed[near] - rate) < 0.05 * np.linalg.norm(rate)
-                there = found.predict([float(end)], asked)
-                off = there.position[0] - com[end] - R[end] @ point
-                squares[name, end].append(float(off @ np.linalg.solve(there.covariance[0, :3, :3], off)))
+                both = found.predict([float(near), float(end)], asked)
+                assert np.linalg.norm(both.velocity[0] - speed[near] - rate) < 0.05 * np.linalg.norm(rate)
+                off = both.position[1] - com[end] - R[end] @ point
+                squares[name, end].append(float(off @ np.linalg.solve(both.covariance[1, :3, :3], off)))
     for (name, end), values in squares.items():
         assert in_band(values, 3), (name, end)
 
