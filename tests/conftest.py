@@ -10,10 +10,13 @@ from hypothesis import settings
 
 import baryscope.scripts.cli  # noqa: F401  first, since it says how many threads numpy may use
 from baryscope.fmu import build_fmu
+from baryscope.fmu.generate.compiler import Job
 from baryscope.models.scenario import load_scenario
 
 settings.register_profile("baryscope", derandomize=True, deadline=None)
 settings.load_profile("baryscope")
+
+SOONER, FILTER = "-O0", "online.h"  # an option of the compiler; a source of what holds the online filter
 
 # Modules and tests stay for the session: what looks for reference cycles would look at them again and again.
 gc.set_threshold(20_000, 10, 100)
@@ -34,14 +37,22 @@ def pytest_report_header():
 def own_cache(tmp_path_factory, testrun_uid):
     """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone.
 
-    They are made sooner without most optimisations; what users get is tested where units are built.
+    They are made sooner without optimisation; what users get is tested where units are built. The online filter runs
+    for minutes: what holds it gets the optimisations that pay.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent / testrun_uid
+    as_told = Job.steps.fget
+
+    def steps(job):
+        level = "-O1" if FILTER in job.sources else SOONER
+        return [[level if word == SOONER else word for word in step] for step in as_told(job)]
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BARYSCOPE_CACHE", str(folder / "cache"))
-        patch.setenv("CFLAGS", "-O1")
+        patch.setenv("CFLAGS", SOONER)
+        patch.setattr(Job, "steps", property(steps))
         yield
 
 
