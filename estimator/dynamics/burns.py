@@ -17,7 +17,7 @@ from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.relative_motion import beyond_gradient
+from baryscope.estimator.dynamics.relative_motion import bend
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
@@ -26,7 +26,6 @@ FloatArray = NDArray[np.float64]
 
 UNKNOWNS = 5  # of a burn: the change of velocity, its middle and its duration
 SHORTEST = 1e-3  # s, of a burn's duration
-BENDS = 2  # iterations of what gravity adds
 SHORTENED = 4.0  # times, at once
 SETTLED = 0.1  # change of a time, over its deviation
 
@@ -149,14 +148,8 @@ class BurnedPath(ExtendedPath):
             return None
         equation = self._equation(time)
         points = equation.panels.points
-        assert equation.gradient is not None  # noqa: S101  there is an orbit
-        known = self.orbit, target_states(self.orbit, points), equation.gradient
         before = self.base.at(points).position(self.about)
-        burned, without = before + self.columns(points) @ self.values, beyond_gradient(*known, before)
-        motion = equation.forced((beyond_gradient(*known, burned) - without)[:, :, None])
-        for _ in range(BENDS):
-            here = burned + motion.at_points.reshape(-1, 3)
-            motion = equation.forced((beyond_gradient(*known, here) - without)[:, :, None])
+        motion = bend(equation, self.orbit, before, before + self.columns(points) @ self.values)
         return (motion.velocity(time) if rate else motion.position(time))[:, :, 0]
 
     def settled(self, x: FloatArray, of_x: FloatArray) -> tuple[tuple[Burn, ...], bool]:

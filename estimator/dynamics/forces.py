@@ -12,10 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import ExtendedPath, Factor, named_factors, parts_of
-from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
+from baryscope.estimator.dynamics.linear_motion import (
+    ARC,
+    Acceleration,
+    LinearMotion,
+    Motion,
+    Panels,
+    are_within,
+    forced,
+)
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, orbit_in
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, bend, orbit_in
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
@@ -111,15 +119,53 @@ class ForcedPath(ExtendedPath):
 
     def response(self, time: FloatArray) -> Motion:
         """The response over the times (n,) to factors of 1, computed once for all that lie within begin … end."""
+        return self._over(time)[1]
+
+    def _over(self, time: FloatArray) -> tuple[LinearMotion, Motion]:
+        """The equation of motion over the times (n,), and the response."""
         return self._within if are_within(time, self.begin, self.end) else self._integrated(time)
 
     @cached_property
-    def _within(self) -> Motion:
+    def _within(self) -> tuple[LinearMotion, Motion]:
         return self._integrated(np.array([self.begin, self.end]))
 
-    def _integrated(self, time: FloatArray) -> Motion:
+    def _integrated(self, time: FloatArray) -> tuple[LinearMotion, Motion]:
         force, epoch = self.force, (self.begin + self.end) / 2
-        return forced(time, epoch, self.base.gravity_gradient, force.acceleration, force.longest, force.breaks)
+        panels = Panels.over(time, epoch, force.longest, force.breaks)
+        equation = LinearMotion.over(panels, self.base.gravity_gradient)
+        return equation, equation.forced(force.acceleration(panels.points))
+
+
+@dataclass(frozen=True, eq=False)
+class PushedPath(ForcedPath):
+    """A path with the response to a force that may lead far from it, as a constant push of hours: it is no longer
+    linear in the factors, as gravity there differs from what its gradient tells.
+    """
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        return self._bent(super().at(time), time, Motion.position)
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        return self._bent(super().rate_at(time), time, Motion.velocity)
+
+    def _bent(
+        self, linear: SampledPath, time: FloatArray, seen: Callable[[Motion, FloatArray], FloatArray]
+    ) -> SampledPath:
+        """What is linear in the factors, with what gravity adds beyond its gradient."""
+        orbit, size = orbit_in(self.base), self.base.size
+        if orbit is None:
+            return linear
+        equation, response = self._over(time)
+        before, columns = self.base.at(equation.panels.points), response.at_points / self._displacement
+        columns = columns.reshape(-1, 3, self.size - size)
+
+        def position(x: FloatArray) -> FloatArray:
+            origin = before.position(x[:size])
+            return linear.position(x) + seen(bend(equation, orbit, origin, origin + columns @ x[size:]), time)[:, :, 0]
+
+        return SampledPath(linear.jacobian, position)
 
 
 @dataclass(frozen=True, eq=False)

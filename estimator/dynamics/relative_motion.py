@@ -33,6 +33,7 @@ NODE_ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/38
 HARMONIC = 4.0  # of the rate at periapsis: the highest frequency of relative motion
 MOST_ITERATIONS = 60  # of the motion under gravity beyond its gradient: more are those of one that diverges
 CONVERGED = 1e-13  # of the largest distance
+BENDS = 2  # iterations of what gravity beyond its gradient adds to a response: each gains the distance over the radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +181,21 @@ def beyond_gradient(orbit: Orbit, reference: FloatArray, gradient: FloatArray, p
     reference (k, 6): the target's states, gradient (k, 3, 3): there.
     """
     return np.asarray(-gravity_difference(orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p))
+
+
+def bend(equation: LinearMotion, orbit: Orbit, before: FloatArray, after: FloatArray) -> Motion:
+    """What gravity beyond its gradient adds to the response to a force, of the order of its square over the radius.
+
+    before, after (k, 3): the path in C without the response and with it, at the equation's Gauss points, m.
+    """
+    reference, gradient = target_states(orbit, equation.panels.points), equation.gradient
+    assert gradient is not None  # noqa: S101  there is an orbit
+    without = beyond_gradient(orbit, reference, gradient, before)
+    motion = equation.forced((beyond_gradient(orbit, reference, gradient, after) - without)[:, :, None])
+    for _ in range(BENDS):
+        here = after + motion.at_points.reshape(-1, 3)
+        motion = equation.forced((beyond_gradient(orbit, reference, gradient, here) - without)[:, :, None])
+    return motion
 
 
 def _exact(equation: LinearMotion, linear: Motion, left_out: Callable[[FloatArray], FloatArray]) -> Motion:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.extended import parts_of
-from baryscope.estimator.dynamics.forces import ForcedPath, ThrustedPath, constant_of, firings_of, thrust_of
+from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, ThrustedPath, constant_of, firings_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, SmoothPath
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
@@ -66,7 +66,7 @@ def chosen_path(
     if known is not None and known.firing > 0 and (known.firings(begin, end) >= 0).any():
         path = ForcedPath(path, firings_of(known, orbit, begin, end), begin, end)
     if options.constant_acceleration != "none":
-        path = ForcedPath(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
+        path = PushedPath(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
     return disturbed(path, options.process_noise, begin, end, 0.0 if known is None else known.noise)
 
 

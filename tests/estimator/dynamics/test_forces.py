@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.forces import ForcedPath, constant_of, lasting, untold_firings
+from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, constant_of, lasting, untold_firings
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
@@ -115,6 +115,20 @@ def test_a_constant_acceleration(axes):
     found = [factor.value for factor in factors_of(path, x, np.eye(path.size))]
     # The integration's shadow has a sharp edge: some seconds of 2400.
     np.testing.assert_allclose(found, true, atol=(5e-3 if axes == "sun" else 1e-4) * np.abs(true).max())
+
+
+def test_a_push_that_leads_far_is_exact_there():
+    """150 m off, where the response to the gravity gradient alone is wrong, half of the time beyond the tracks."""
+    push = 1e-4 * np.array([0.6, -0.64, 0.48])
+    expected = flown(lambda t, now, r, v: -lvlh(r, v) @ push, [])
+    motion, force = PerturbedOrbit(OBLATE, 0.0), constant_of("lvlh", OBLATE, -1200.0, 1200.0)
+    path, linear = (kind(motion, force, -1200.0, 1200.0) for kind in (PushedPath, ForcedPath))
+    x = np.concatenate([START[0], START[1] / OBLATE.mean_motion, push * path._displacement])
+    assert np.linalg.norm(expected, axis=1).max() > 150
+    np.testing.assert_allclose(path.at(TIME).position(x), expected, atol=2e-6)
+    assert np.abs(linear.at(TIME).position(x) - expected).max() > 1e-4
+    rate = path.at(TIME + 0.5).position(x) - path.at(TIME - 0.5).position(x)
+    np.testing.assert_allclose(path.rate_at(TIME).position(x), rate, atol=1e-6)
 
 
 def test_free_flight_with_thrust():
