@@ -9,6 +9,8 @@ from baryscope.estimator.dynamics.burns import FoundBurn
 
 FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
 
+PushAxes = Literal["lvlh", "inertial", "sun"]
+
 
 @dataclass(frozen=True)
 class LackOfFit:
@@ -154,6 +156,19 @@ class UnknownBurn:
 
 
 @dataclass(frozen=True)
+class UnknownPush:
+    """A push that nothing told: the `acceleration` of the target less that of the chaser, m/s², with deviations.
+
+    It is the mean over the tracks of what is constant but for waves of the orbit's frequency in `axes`, of which it has
+    the components; sun: away from the Sun, one component, none in the Earth's shadow.
+    """
+
+    axes: PushAxes
+    acceleration: tuple[float, ...]
+    acceleration_deviation: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class UntoldAccuracy:
     """How exact the orbit is, nobody tells, and the tracks do not decide, but the answer rests on it.
 
@@ -219,6 +234,7 @@ Finding = (
     | UntoldOblateness
     | UntoldAccuracy
     | UnknownBurn
+    | UnknownPush
     | WrongSigma
     | ChangingNoise
     | DepthNoise

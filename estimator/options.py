@@ -13,7 +13,7 @@ from baryscope.models.orbit import Orbit
 Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["auto", "stereo", "fixed"]
-ConstantAxes = Literal["none", "lvlh", "drag", "sun"]
+ConstantAxes = Literal["none", "lvlh", "inertial", "drag", "sun"]
 Burns = Literal["auto", "none"]
 Torque = Literal["none", "gravity-gradient"]
 Density = float | Literal["auto", "none"]
@@ -65,8 +65,8 @@ class PathOptions:
     exactly.
 
     acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and `ekf`; constant_acceleration: an
-    unknown one of the target less the chaser, in LVLH axes, against the target's way through the air, away from the
-    Sun, or none, for `pivot` and `ml`.
+    unknown one of the target less the chaser, in LVLH or inertial axes, against the target's way through the air, away
+    from the Sun, or none, for `pivot` and `ml`.
 
     None means: relative-orbit if an orbit is given, or if the tracks tell one, else polynomial; sigma from the
     residuals; the likelier torque, with `ml` with both in the covariance where tracks do not decide.
@@ -91,7 +91,7 @@ class PathOptions:
         _keep(self, "sigma", FINEST, COARSEST, f"a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("auto", "stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
-        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "drag", "sun"))
+        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "inertial", "drag", "sun"))
         _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
         if not isinstance(self.acceleration, KnownAcceleration | None):
             raise InputError(f"acceleration: found {type(self.acceleration).__name__}, expected KnownAcceleration")

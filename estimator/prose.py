@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.dynamics.extended import Factor
+from baryscope.estimator.dynamics.forces import VARIES
 from baryscope.estimator.findings import (
     FREE_TUMBLE,
     ChangingNoise,
@@ -23,6 +24,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     UnknownBurn,
+    UnknownPush,
     UntoldAccuracy,
     UntoldOblateness,
     WrongOrbit,
@@ -34,6 +36,7 @@ from baryscope.estimator.result import Estimate, ProcessNoise, Status
 from baryscope.models.words import counted
 
 AXES = {"lvlh": "LVLH", "inertial": "inertial axes"}
+HIDDEN = ("error of the firing", "orbit ", VARIES)  # factors that a summary leaves out
 
 
 def verdict(observability: Observability) -> str:
@@ -131,6 +134,14 @@ def sentence(finding: Finding) -> str:
                 f"{finding.end_deviation:.1f} s and changed its velocity by ({change}) mm/s in "
                 f"{AXES[finding.axes]}, which nothing told; the estimate allows for it"
             )
+        case UnknownPush():
+            pairs = zip(finding.acceleration, finding.acceleration_deviation, strict=True)
+            push = ", ".join(f"{value:.3g} ± {sd:.2g}" for value, sd in pairs)
+            where = "away from the Sun" if finding.axes == "sun" else f"in {AXES[finding.axes]}"
+            return (
+                f"something pushes the target against the chaser, by ({push}) m/s² {where} on average, which nothing "
+                "told; the estimate has it, and allows for its variation along the orbit"
+            )
         case WrongSigma():
             return f"sigma is {finding.given:.3g}, but the residuals show {finding.found:.3g}: " + (
                 "claims are made of that" if finding.found > finding.given else "claims may be too wide"
@@ -171,7 +182,7 @@ def summary(result: Estimate) -> list[str]:
     ]
     if result.observability is not None and result.predicted_rmse is not None:
         lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
-    summed = [one for one in result.forces if not one.name.startswith(("error of the firing", "orbit "))]
+    summed = [one for one in result.forces if not one.name.startswith(HIDDEN)]
     lines += [f"{one.name} {_measured(one)}" for one in summed]
     if result.process_noise is not None and result.process_noise.source != "none":
         lines.append(_process_noise(result.process_noise))

@@ -53,16 +53,20 @@ def in_orbit(time):
     return np.array(difference, dtype=float)
 
 
-def pushed(time, acceleration, axes):
-    """Positions and velocities (n, 6) in C where the target of two orbits has a constant acceleration in axes."""
+def pushed(time, acceleration, axes, variation=0.0):
+    """Positions and velocities (n, 6) in C where the target of two orbits has a constant acceleration in axes.
+
+    variation: by how much of its mean that varies with the target's place, most where it is at time 0.
+    """
     target, chaser = inertial_states(ORBIT.model(), *CHASER)
+    most = target[0] / np.linalg.norm(target[0])
 
     def slope(_, s):
         r, v, to_chaser = s[:3], s[3:6], s[6:9]
         up, normal = r / np.linalg.norm(r), np.cross(r, v) / np.linalg.norm(np.cross(r, v))
         R_C_A = np.column_stack([up, np.cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
         falls = [-MU * one / np.linalg.norm(one) ** 3 for one in (r, to_chaser)]
-        return np.concatenate([v, falls[0] + R_C_A @ acceleration, s[9:], falls[1]])
+        return np.concatenate([v, falls[0] + (1 + variation * up @ most) * R_C_A @ acceleration, s[9:], falls[1]])
 
     start = np.concatenate([*target, *chaser])
     end = solve_ivp(slope, (0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-7).y

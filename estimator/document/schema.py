@@ -104,6 +104,7 @@ class FindingPart(Part):
         "untold-oblateness",
         "untold-accuracy",
         "unknown-burn",
+        "unknown-push",
         "wrong-sigma",
         "changing-noise",
         "depth-noise",
@@ -146,7 +147,15 @@ class FindingPart(Part):
     contradicted: bool | None = Field(None, description="extrapolated: whether features seen there contradict it")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
-    axes: Literal["lvlh", "inertial"] | None = Field(None, description="unknown-burn: axes of change")
+    axes: Literal["lvlh", "inertial", "sun"] | None = Field(
+        None, description="unknown-burn: axes of change; unknown-push: of acceleration, sun: away from it"
+    )
+    acceleration: tuple[float, ...] | None = Field(
+        None, description="unknown-push: of the target less that of the chaser, mean over the tracks, m/s²"
+    )
+    acceleration_deviation: tuple[float, ...] | None = Field(
+        None, description="unknown-push: standard deviation of acceleration, m/s²"
+    )
     place: float | None = Field(None, description="untold-accuracy: standard deviation of the orbit, m")
     push: float | None = Field(None, description="untold-accuracy: standard deviation of a constant acceleration, m/s²")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")

@@ -40,6 +40,7 @@ SPAN_TIMES = 65  # at which the rms displacement of a response is taken
 PENUMBRA = 5.0  # s, in which the light changes so little that a response can be integrated over it
 TURN = 8 * ARC  # rad of the highest wave of a response in the time over which the accelerations are smooth
 UNIT = "m/s²"
+VARIES = "variation of the"  # names of factors begin so that are those of a force's changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,11 @@ class ForcedPath(ExtendedPath):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self.base.at(time).extended(self.response(time).position(time) / self._displacement)
+        return self.base.at(time).extended(self.columns(time))
+
+    def columns(self, time: FloatArray) -> FloatArray:
+        """What the force's unknowns move the path by at times (n,) in s, (n, 3, c), m for each metre."""
+        return self.response(time).position(time) / self._displacement
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
@@ -291,8 +296,8 @@ def lasting(path: Path, variance: float, begin: float, end: float, time: FloatAr
 def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: float) -> Force:
     """An unknown constant acceleration of the target less that of the chaser, by axes.
 
-    lvlh: its three components; drag: against the target's velocity through air that turns with the Earth; sun: away
-    from the Sun, and none in the Earth's shadow.
+    lvlh, inertial: its three components in these axes; drag: against the target's velocity through air that turns with
+    the Earth; sun: away from the Sun, and none in the Earth's shadow.
 
     Raises:
         InputError: no orbit, or none with an epoch for the Sun.
@@ -304,6 +309,11 @@ def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: floa
         names = ("radial acceleration", "along-track acceleration", "cross-track acceleration")
         return Force(
             lambda time: lvlh_axes(target_states(orbit, time)), names, UNIT, np.full(3, BROAD), longest, np.zeros(0)
+        )
+    if axes == "inertial":
+        names = ("acceleration along x", "acceleration along y", "acceleration along z")
+        return Force(
+            lambda time: np.tile(np.eye(3), (len(time), 1, 1)), names, UNIT, np.full(3, BROAD), longest, np.zeros(0)
         )
     if axes == "drag":
         return Force(

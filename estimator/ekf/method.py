@@ -28,18 +28,20 @@ from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts
-from baryscope.estimator.findings import Finding, FreeAttitudes, WrongOrbit
+from baryscope.estimator.findings import Finding, FreeAttitudes, UnknownPush, WrongOrbit
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.error import inexact_parts
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
+from baryscope.estimator.orbits.push import unknown_push_in
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import PivotProblem, solve_pivot
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
 from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
+from baryscope.estimator.pivot.orbits.pushed import push_in
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
@@ -162,9 +164,9 @@ def _filtered(
 def _with_untold_forces(
     found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], PivotProblem]
 ) -> Passes:
-    """The passes with J2 and with errors of the orbit if `pivot` finds them, or does not tell them from none, and where
-    the path has process noise with the burns that it finds, or that the attitudes show; whole: its problem, with all
-    options.
+    """The passes with J2, a push and errors of the orbit if `pivot` finds them, or does not tell them from none, and
+    where the path has process noise with the burns that it finds, or that the attitudes show; whole: its problem, with
+    all options.
     """
     problem = found.problem
     options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
@@ -178,6 +180,7 @@ def _with_untold_forces(
         if untold_oblateness(orbit, solved.path):
             oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
             path = perhaps_oblate_in(solved.path) or oblate
+        path = push_in(solved, path) or path
         for part in reversed(inexact_parts(solved.path)):
             path = replace(part, base=path)
         path = orbit_error_in(solved, path) or path
@@ -199,10 +202,14 @@ def _by_attitudes(problem: PivotProblem, found: Passes) -> PivotProblem | None:
 
 def _findings_on_orbit(path: Path, orbit: Orbit | None, whole: Callable[[], PivotProblem]) -> tuple[Finding, ...]:
     """What `pivot` has found of the orbit, as far as the path has it."""
-    corrected = (
-        tuple(one for one in whole().solved.findings if isinstance(one, WrongOrbit)) if inexact_parts(path) else ()
-    )
-    return untold_oblateness(orbit, path) + untold_accuracy(path) + corrected
+    corrected = _of_pivot(whole, WrongOrbit) if inexact_parts(path) else ()
+    pushed = _of_pivot(whole, UnknownPush) if unknown_push_in(path) is not None else ()
+    return pushed + untold_oblateness(orbit, path) + untold_accuracy(path) + corrected
+
+
+def _of_pivot(whole: Callable[[], PivotProblem], kind: type[Finding]) -> tuple[Finding, ...]:
+    """Its findings of a kind."""
+    return tuple(one for one in whole().solved.findings if isinstance(one, kind))
 
 
 def _with_burns_of(solved: Pivot, path: Path) -> Path:
@@ -210,7 +217,10 @@ def _with_burns_of(solved: Pivot, path: Path) -> Path:
     burned = burned_in(solved.path)
     if burned is None:
         return path
-    return replace(burned, base=path, about=None if burned.about is None else burned.about[: path.size])
+    about = burned.about
+    if about is not None:  # of which the first are those of motion and push, as the path's
+        about = np.pad(about, (0, max(path.size - len(about), 0)))[: path.size]
+    return replace(burned, base=path, about=about)
 
 
 def _for_attitudes(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot | None:

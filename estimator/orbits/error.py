@@ -6,18 +6,18 @@ factors of known accelerations, once p is known to a fraction.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import parts_of
-from baryscope.estimator.dynamics.forces import Force, ForcedPath, constant_of, longest_on
+from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
-from baryscope.models.orbit import EARTH_RADIUS, Orbit
+from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -27,11 +27,6 @@ NAMES = tuple(
 )
 STEP = 1e3  # m, of the difference quotient of the gradient
 UNTOLD_TURN = float(np.radians(0.2))  # of an orbit, rad, rms: each size from 1 m to GREATEST is as likely as another
-UNTOLD_LIGHT = 1e-7  # m/s²: as light is on one body more than on another, in any orbit
-# What drag is at an altitude on bodies that differ by 0.02 m²/kg, and the scale height there (Vallado 2013, table 8-4).
-UNTOLD_DRAG, ALTITUDE, SCALE_HEIGHT = 1e-6, 450e3, 61e3  # m/s², m
-MOST_PUSH = 1e-5  # m/s², where nothing stays for long
-PUSH, LEAST_PUSH = "push", 1e-9  # the hyperparameter: the variance of each component; m/s², the least deviation
 LEAST = 1.0  # m, standard deviation of a component
 GREATEST = float(np.radians(1.0))  # the same seen from the Earth's centre, rad: a file that is further off is another's
 # A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
@@ -94,19 +89,6 @@ def perturbing_accelerations(
     """
     changes = ((ahead - behind) / (2 * step) for ahead, behind in gradients)
     return np.stack([np.einsum("kij,kj->ki", change, position) for change in changes], axis=2)
-
-
-def untold_push(orbit: Orbit) -> float:
-    """The deviation of a constant acceleration of the target less the chaser that nobody tells, m/s²."""
-    altitude = orbit.semi_major_axis * (1 - orbit.eccentricity) - EARTH_RADIUS
-    drag = UNTOLD_DRAG * float(np.exp((ALTITUDE - altitude) / SCALE_HEIGHT)) if orbit.is_the_earths else 0.0
-    return UNTOLD_LIGHT + min(drag, MOST_PUSH)
-
-
-def push_of_any_size(orbit: Orbit, begin: float, end: float) -> Force:
-    """A constant acceleration of the target less the chaser, of which any size up to MOST_PUSH is as likely."""
-    scale = Hyperparameter(PUSH, 2 * float(np.log(LEAST_PUSH)), 2 * float(np.log(MOST_PUSH)))
-    return replace(constant_of("lvlh", orbit, begin, end), deviations=np.ones(3), scale=scale)
 
 
 def with_orbit_error(

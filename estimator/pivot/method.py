@@ -24,6 +24,7 @@ from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
+from baryscope.estimator.orbits.push import unknown_push
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.burns.poses import KnownPoses
 from baryscope.estimator.pivot.burns.solution import (
@@ -37,9 +38,10 @@ from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.lack_of_fit import misfits
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy, with_errors_of_orbit
-from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
+from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
+from baryscope.estimator.pivot.orbits.pushed import with_push
 from baryscope.estimator.pivot.refinement import ROUNDING, refined
 from baryscope.estimator.pivot.rods import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.start import LinearStart, linear_start
@@ -83,8 +85,9 @@ class PivotProblem:
     """What a solution of `pivot` goes on from when burns are looked for once more.
 
     told: the orbit as given, and orbit, with the Earth's J2 if that acts; start: of the frames that are looked at;
-    plain: the solution without unknown burns, without strays; fewer: its start; burned: that with burns, `plain` if
-    there are none; solved: with an error of the orbit and with findings.
+    unpushed: a solution in which a push has been looked for in vain; plain: that without unknown burns, without strays;
+    fewer: its start; burned: that with burns, `plain` if there are none; solved: with a push, an error of the orbit,
+    and findings.
     """
 
     tracks: FeatureTracks
@@ -93,6 +96,7 @@ class PivotProblem:
     options: PathOptions
     registered: Registered
     start: InitialSolution
+    unpushed: Pivot | None
     plain: Pivot
     fewer: InitialSolution
     burned: Pivot
@@ -110,9 +114,9 @@ class PivotProblem:
         data = _ProblemData.of(tracks, trajectory.path(told, float(tracks.time[0]), float(tracks.time[-1])))
         found, start = _of_chosen_degree(data, trajectory, told, options)
         found, start = with_estimated_orbit(found, start, options)
-        found, start, orbit = with_oblateness(found, start, told, options)
+        found, start, orbit, unpushed = _with_smooth_forces(found, start, told, options)
         plain, fewer = without_strays(found, start, options)
-        problem = cls(tracks, told, orbit, options, data.registered, start, plain, fewer, plain, plain)
+        problem = cls(tracks, told, orbit, options, data.registered, start, unpushed, plain, fewer, plain, plain)
         if data.registered.in_line:
             return problem._finished(plain, fewer)
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
@@ -149,15 +153,17 @@ class PivotProblem:
         return replace(self, burned=burned)._finished(burned, start)
 
     def _finished(self, found: Pivot, start: InitialSolution) -> "PivotProblem":
-        """The problem with a solution for an error of the orbit, and with findings."""
+        """The problem with a solution for a push and an error of the orbit, and with findings."""
         orbit, options = self.orbit, self.options
-        found = with_corrected_orbit(found, orbit, start, options)
+        if found is not self.unpushed:
+            found, start = with_push(found, start, orbit, options)
+        found = corrected_for_orbit(found, orbit, start, options) or found
         found = with_errors_of_orbit(found, orbit, start, options)
         refuse_untold(found, self.registered)
         findings = misfits(found, self.registered, self.tracks) + wrong_orbit(found, orbit)
         of_x = found.variance * found.solution.covariance
         findings += estimated_orbit(found.path, found.solution.x, of_x)
-        findings += unknown_burns(found.path, found.solution.x, of_x)
+        findings += unknown_burns(found.path, found.solution.x, of_x) + unknown_push(found.path, found.solution.x, of_x)
         findings += untold_oblateness(self.told, found.path) + untold_accuracy(found.path)
         found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
         return replace(self, solved=found.at_mean(errors_of(self.tracks)))
@@ -184,6 +190,26 @@ def _of_chosen_degree(
         # Of a path with more degrees they tell less.
         refuse_untold(found, data.registered)
     return found, start
+
+
+def _with_smooth_forces(
+    found: Pivot, start: InitialSolution, told: Orbit | None, options: PathOptions
+) -> tuple[Pivot, InitialSolution, Orbit | None, Pivot | None]:
+    """The solution with J2 and a push that nobody tells, its start, the orbit, and a solution in which a push has been
+    looked for in vain, None if not in this one.
+
+    What looks like a push, but leaves process noise, may be a burn: then burns are looked for first.
+    """
+    before = found, start
+    found, start, orbit = with_oblateness(found, start, told, options)
+    pushed, with_it = with_push(found, start, orbit, options)
+    if pushed is not found and orbit is not told:  # J2 and a push may pass for an error of the orbit
+        corrected = corrected_for_orbit(before[0], told, before[1], options)
+        if corrected is not None and gain_over(pushed, corrected, start) > 0:
+            return *before, told, before[0]
+    if pushed is found:
+        return found, start, orbit, found
+    return (found, start, orbit, None) if pushed.has(DENSITY) else (pushed, with_it, orbit, None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from baryscope.estimator.findings import (
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
+    UnknownPush,
     UntoldAccuracy,
     WrongSigma,
 )
@@ -97,6 +98,16 @@ def test_verdict_names_a_skew_axis():
         (
             ChangingNoise((0.0, 9.62), (0.0003, 0.00312)),
             "the noise changes: 0.0003 m at first, 0.0031 m from 9.6 s on; every frame is weighed by its own",
+        ),
+        (
+            UnknownPush("lvlh", (1.234e-8, -2.346e-6, 0.0), (2e-9, 3e-9, 1e-9)),
+            "something pushes the target against the chaser, by (1.23e-08 ± 2e-09, -2.35e-06 ± 3e-09, 0 ± 1e-09) m/s² "
+            "in LVLH on average, which nothing told; the estimate has it, and allows for its variation along the orbit",
+        ),
+        (
+            UnknownPush("sun", (2e-7,), (3e-9,)),
+            "something pushes the target against the chaser, by (2e-07 ± 3e-09) m/s² away from the Sun on average, "
+            "which nothing told; the estimate has it, and allows for its variation along the orbit",
         ),
         (
             UntoldAccuracy(24.4e3, 1e-7),

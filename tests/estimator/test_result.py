@@ -12,6 +12,7 @@ from baryscope.estimator.findings import (
     FewFrames,
     FollowsRotation,
     LackOfFit,
+    UnknownPush,
     UntoldAccuracy,
     WrongSigma,
 )
@@ -48,7 +49,12 @@ def test_status_is_the_most_severe_defect():
     misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
     assert an_estimate().status is Status.GOOD
     noises = (WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03)), DepthNoise(0.01, 0.05))
-    for remark in (DifferentPoints(("a",), (0, 1)), UntoldAccuracy(1e4, 0.0), *noises):
+    for remark in (
+        DifferentPoints(("a",), (0, 1)),
+        UntoldAccuracy(1e4, 0.0),
+        UnknownPush("sun", (1e-7,), (1e-9,)),
+        *noises,
+    ):
         assert an_estimate(findings=(remark,)).status is Status.GOOD
     assert an_estimate(clusters=hidden).status is Status.NOT_OBSERVABLE
     for misfit in misfits:

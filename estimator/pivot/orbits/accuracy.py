@@ -25,8 +25,8 @@ from baryscope.estimator.orbits.error import (
     InexactOrbitPath,
     inexact_parts,
     orbit_error,
-    untold_push,
 )
+from baryscope.estimator.orbits.push import unknown_push_in, untold_push
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
@@ -53,7 +53,7 @@ def with_errors_of_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
         displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
         if told or _doubtful(found, path, displaced, (1.0,)):
             parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, deviation))
-    if options.constant_acceleration == "none" and path.density is None:
+    if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
         pushed, size = constant_of("lvlh", orbit, path.begin, path.end), untold_push(orbit)
         pushed = replace(pushed, deviations=np.full(3, size))
         if share := _doubtful(found, path, pushed, (1.0, 0.1)):

@@ -15,49 +15,43 @@ from baryscope.estimator.orbits.error import (
     NAMES,
     ORBIT_ERROR,
     InexactOrbitPath,
-    push_of_any_size,
     with_orbit_error,
 )
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 
-def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions) -> Pivot:
-    """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise.
-
-    Unless a constant push does so better, of three unknowns in place of the six of an orbit, and of a size that is as
-    little known as that of the error: then the orbit is not to blame, and where it would lead to is far from the path.
-    """
+def corrected_for_orbit(
+    found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> Pivot | None:
+    """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise."""
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
-        return found
+        return None
     if not found.has(DENSITY):
-        return found
+        return None
     corrected = refined_on(
         with_orbit_error(path.base, orbit, found.position, path.begin, path.end), path, found, start, options
     )
-    if corrected is None or not corrected.has(ORBIT_ERROR):
-        return found
-    push = ForcedPath(path.base, push_of_any_size(orbit, path.begin, path.end), path.begin, path.end)
-    pushed = refined_on(push, path, found, start, options)
-    if pushed is None:
-        return corrected
-    return found if gain_over(corrected, pushed, start) > 0 else corrected
+    return corrected if corrected is not None and corrected.has(ORBIT_ERROR) else None
+
+
+def start_on(base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution) -> InitialSolution:
+    """The start at a solution on a base that has unknowns beside those of the path's own, which are zero."""
+    wider = replace(path, base=base)
+    x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))
+    return start.on(wider, interpolated(wider.at, wider.frequency, start.time), x)
 
 
 def refined_on(
     base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution, options: PathOptions
 ) -> Pivot | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
-    wider = replace(path, base=base)
-    x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))
-    sampled = interpolated(wider.at, wider.frequency, start.time)
     try:
-        other = refined(start.on(wider, sampled, x).near(found), options)
+        other = refined(start_on(base, path, found, start).near(found), options)
     except ComputationError:
         return None
     return other if other.converged else None

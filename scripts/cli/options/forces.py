@@ -39,8 +39,8 @@ class ForceChoices:
         Density of the accelerometer's white noise, m²/s³, the least process noise. Default: 0.
     constant_acceleration
         An unknown constant acceleration of the target less the chaser's (pivot, ml), with --orbit: drag, against the
-        velocity through air that turns with the Earth; sun, away from the Sun and none in shadow, as of light; lvlh,
-        in any direction in LVLH axes; or none. Default: none.
+        velocity through air that turns with the Earth; sun, away from the Sun and none in shadow, as of light; lvlh
+        or inertial, in any direction in these axes; or none. Default: none.
     """
 
     acceleration: Path | None = None

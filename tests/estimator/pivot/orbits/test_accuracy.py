@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import UntoldAccuracy, WrongOrbit
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.orbits.error import untold_push
+from baryscope.estimator.orbits.push import untold_push
 from baryscope.models.orbit import EARTH_RADIUS
 from baryscope.study.population.judging import of_estimate, prepared, wrong
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
