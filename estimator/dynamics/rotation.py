@@ -360,9 +360,7 @@ def _integrate(
 def _walk(function: ca.Function, first: FloatArray, inputs: list[FloatArray], constants: FloatArray) -> FloatArray:
     """The states (size, k + 1) of `advance`: the first one, and those after each of k steps."""
     count = inputs[0].shape[1]
-    padded = [np.zeros((len(one), count + -count % CHUNK)) for one in inputs]  # with steps of no length
-    for whole, one in zip(padded, inputs, strict=True):
-        whole[:, :count] = one
+    padded = [np.hstack([one, np.zeros((len(one), -count % CHUNK))]) for one in inputs]  # with steps of no length
     states = np.empty((len(first), 1 + padded[0].shape[1]))
     states[:, 0] = first
     for begin in range(0, count, CHUNK):
