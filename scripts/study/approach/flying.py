@@ -11,7 +11,7 @@ from baryscope.models.files import temporary_folder
 from baryscope.models.scenario import Scenario
 from baryscope.study.approach.draws import drawn
 from baryscope.study.approach.onboard import OnBoard
-from baryscope.study.approach.thrusters import WrongThrusters
+from baryscope.study.approach.thrusters import ExecutionErrors, WrongThrusters
 from baryscope.study.loop import fly_loop
 from baryscope.study.population.judging import measured
 from baryscope.study.population.running import Line
@@ -21,8 +21,11 @@ ARRIVED = 0.1  # m
 LAG = 15.0  # s; it and the degrees of the paths miss least in draws of another seed, docs/approach.md
 ONLINE = "online"
 SCALE, POINTING = 0.03, np.deg2rad(2.0)  # of wrong thrusters: known gaps of propulsion that nobody has calibrated
-UNTOLD = ("online-scale", "online-pointing")
-"""The online estimator, and thrusters that are too strong by SCALE, or point POINTING elsewhere, about any axis."""
+EXECUTION = 0.01, np.deg2rad(0.5)  # of each push: its size, and its direction about each axis
+UNTOLD = ("online-scale", "online-pointing", "online-execution")
+"""The online estimator, and thrusters that are too strong by SCALE, point POINTING elsewhere, about any axis, or whose
+pushes have errors of EXECUTION, each its own.
+"""
 METHODS: dict[str, tuple[str, ScrewOptions | None]] = {
     "pivot": ("pivot", None),
     "screw-gpa-lvlh": ("screw-gpa", ScrewOptions(lag=LAG, degree=2, axes="lvlh")),
@@ -74,6 +77,10 @@ def _thrusters(scenario: Scenario, seed: int, draw: int, label: str) -> WrongThr
     """The wrong thrusters of a draw."""
     if label == UNTOLD[0]:
         return WrongThrusters(scenario.orbit, scale=SCALE)
+    if label == UNTOLD[2]:
+        return WrongThrusters(
+            scenario.orbit, execution=ExecutionErrors(*EXECUTION, np.random.default_rng([seed, draw, 2]))
+        )
     axis = np.random.default_rng([seed, draw, 1]).standard_normal(3)
     return WrongThrusters(scenario.orbit, misalignment=POINTING * axis / np.linalg.norm(axis))
 

@@ -16,7 +16,7 @@ from baryscope.study.approach.__main__ import main
 from baryscope.study.approach.draws import PLACE, RATE, SPEED, drawn
 from baryscope.study.approach.onboard import OnBoard
 from baryscope.study.approach.report import WORDS, ends, over_time
-from baryscope.study.approach.thrusters import WrongThrusters
+from baryscope.study.approach.thrusters import ExecutionErrors, WrongThrusters
 from baryscope.study.loop import fly_loop
 from baryscope.study.population import command
 from oracles import com_in_chaser_frame
@@ -148,6 +148,23 @@ def test_wrong_thrusters_are_wrong_in_the_axes_of_the_middle_of_a_step(envisat):
             middle = axes(time + 0.5)
             pushed = (middle * Rotation.from_rotvec(misalignment) * middle.inv()).apply(command)
             np.testing.assert_allclose(target.values["chaser.acceleration"], (1 + scale) * pushed, rtol=0, atol=1e-12)
+
+
+def test_each_push_has_errors_of_its_own(envisat):
+    """Of 500 pushes along an axis of the camera, at rest: means and deviations to within 4.5 of their own."""
+    count, size, direction = 500, 0.01, 0.02
+    errors = ExecutionErrors(size, direction, np.random.default_rng(5))
+    wrong, pushes = WrongThrusters(envisat.orbit, execution=errors), []
+    for time in np.arange(count) * 1e-6:  # at once: LVLH hardly turns
+        R_I_L = Rotation.from_matrix(lvlh_attitude(envisat.orbit, np.array([time]))[0])
+        view = R_I_L.as_quat(scalar_first=True)
+        target = Board()
+        wrong({"target": target, "controller": Board(camera__attitude=view, command__acceleration=np.eye(3)[0])}, time)
+        pushes.append(target.values["chaser.acceleration"])
+    off = np.array(pushes) - [1 - direction**2, 0.0, 0.0]
+    deviation = np.array([size, direction, direction])
+    assert (np.abs(off.mean(axis=0)) < 4.5 * deviation / np.sqrt(count)).all()
+    assert (np.abs(off.std(axis=0) / deviation - 1) < 4.5 / np.sqrt(2 * count) + direction**2).all()
 
 
 @pytest.fixture
