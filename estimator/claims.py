@@ -14,6 +14,7 @@ from baryscope.estimator.adjustment.diagnostics import observability_of, with_at
 from baryscope.estimator.distances import contradict
 from baryscope.estimator.findings import (
     Departure,
+    DisagreeingClusters,
     ExcessResiduals,
     Extrapolated,
     FramesLeftOut,
@@ -140,7 +141,8 @@ def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:
 def _widening(result: Estimate) -> Widening:
     """What the misfits of an estimate show that its covariance leaves out.
 
-    The factor is the residuals' variance over the given one, unless that is named as wrong. Residuals that a model
+    The factor is the residuals' variance over the given one, unless that is named as wrong, or by how much clusters
+    disagree, if that is more. Residuals that a model
     makes greater by a ratio have 1 − ratio⁻² of their mean square from its misfit; of a displacement the variance
     along each axis is a third of the square. The speed is that of a wave of one period over the tracks.
     """
@@ -153,6 +155,8 @@ def _widening(result: Estimate) -> Widening:
         match finding:
             case ExcessResiduals():
                 variance += mean_square * max(1 - finding.ratio**-2, 0.0)
+            case DisagreeingClusters():
+                factor = max(factor, finding.ratio**2)
             case LackOfFit() | FramesLeftOut():
                 variance += finding.magnitude**2 / 3
     span = float(result.time[-1] - result.time[0])

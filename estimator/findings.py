@@ -43,6 +43,18 @@ class DifferentPoints:
 
 
 @dataclass(frozen=True)
+class DisagreeingClusters:
+    """Two clusters, by index, see features of the same labels `ratio` times as far apart as their covariances tell.
+
+    The path does not hold between them, or attitudes are spoilt. They are not tied.
+    """
+
+    labels: tuple[str, ...]
+    clusters: tuple[int, int]
+    ratio: float
+
+
+@dataclass(frozen=True)
 class Departure:
     """The path departs from its model by `magnitude` m rms, which white acceleration of a density in m²/s³ explains.
 
@@ -228,6 +240,7 @@ Finding = (
     | FollowsRotation
     | Extrapolated
     | DifferentPoints
+    | DisagreeingClusters
     | Departure
     | WrongOrbit
     | EstimatedOrbit
@@ -241,4 +254,4 @@ Finding = (
     | FreeAttitudes
 )
 UNCHECKED = FewFrames | FollowsRotation | Extrapolated
-MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut
+MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut | DisagreeingClusters

@@ -14,6 +14,7 @@ from baryscope.estimator.findings import (
     Departure,
     DepthNoise,
     DifferentPoints,
+    DisagreeingClusters,
     EstimatedOrbit,
     ExcessResiduals,
     Extrapolated,
@@ -163,6 +164,12 @@ def sentence(finding: Finding) -> str:
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"
             return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
+        case DisagreeingClusters():
+            first, second = finding.clusters
+            return (
+                f"clusters {first} and {second} see {', '.join(finding.labels)} {finding.ratio:.2g} times as far apart "
+                "as they claim to know: the path between them does not fit, or attitudes are spoilt"
+            )
 
 
 def summary(result: Estimate) -> list[str]:

@@ -98,6 +98,7 @@ class FindingPart(Part):
         "follows-rotation",
         "extrapolated",
         "different-points",
+        "disagreeing-clusters",
         "departure",
         "wrong-orbit",
         "estimated-orbit",
@@ -119,13 +120,21 @@ class FindingPart(Part):
     )
     dof: int | None = Field(None, description="lack-of-fit: expectation of chi_square for a right model")
     model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")
-    ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
+    ratio: float | None = Field(
+        None,
+        description="excess-residuals: residuals with the model over those without; disagreeing-clusters: "
+        "how far apart they see their common features, over what they claim",
+    )
     frames: int | None = Field(None, description="frames-left-out, few-frames: their number")
     unknowns: float | None = Field(
         None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
-    labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
-    clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
+    labels: tuple[str, ...] | None = Field(
+        None, description="different-points, disagreeing-clusters: the labels in question"
+    )
+    clusters: tuple[int, int] | None = Field(
+        None, description="different-points, disagreeing-clusters: indices of the two"
+    )
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
     significance: float | None = Field(None, description="departure: 2 ln of the likelihood over that without noise")
     share: float | None = Field(

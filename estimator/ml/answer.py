@@ -24,7 +24,7 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
-from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, ExcessResiduals, Finding
+from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, DisagreeingClusters, ExcessResiduals, Finding
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
 from baryscope.estimator.ml.attached import AttachedAxes
@@ -109,8 +109,10 @@ def answer_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, opt
 
 
 def _findings(best: MaximumAPosteriori, pivot: Pivot) -> tuple[Finding, ...]:
-    """Those of `pivot`, but for what a tumble does not need: as many frames, and attitudes better than noise."""
-    others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED))
+    """Those of `pivot`, but for what a tumble does not need: as many frames, attitudes better than noise, and clusters
+    that agree by these.
+    """
+    others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED | DisagreeingClusters))
     return others + few_frames(best.observations.weight, best.unknowns)
 
 

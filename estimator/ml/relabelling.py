@@ -19,12 +19,12 @@ def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivo
     The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie point was refused see different points.
     An observation outside all bodies belongs to the point of the body with the nearest frame.
     """
-    if not pivot.refused:
+    if not pivot.different:
         return tracks, pivot
     labels, source = list(tracks.labels), list(range(len(tracks.labels)))
     kept = [np.ones(len(tracks.time), dtype=bool) for _ in source]
     columns = [body.features.copy() for body in pivot.bodies]
-    for feature in sorted({int(index) for tie in pivot.refused for index in tie.features}):
+    for feature in sorted({int(index) for tie in pivot.different for index in tie.features}):
         points = _points_of(feature, pivot)
         nearest = _nearest_holder(feature, pivot, len(tracks.time))
         for number in range(max(points.values()) + 1):
@@ -44,7 +44,7 @@ def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivo
 
 def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
     """The number of the point that each body with the feature sees: that of the last body before it that agrees."""
-    refused_pairs = {tie.bodies for tie in pivot.refused if feature in tie.features}
+    refused_pairs = {tie.bodies for tie in pivot.different if feature in tie.features}
     found: dict[int, int] = {}
     for index, body in enumerate(pivot.bodies):
         if feature in body.features:

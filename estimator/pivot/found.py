@@ -56,7 +56,8 @@ class Pivot:
     regularisation: what the bodies' offsets are held by, and offset_information (k, 3, 3): how firmly in the last step,
     in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
-    refused as the labels belong to different points; shifts: of the n frames; findings against the models.
+    refused as the labels belong to different points, or bodies disagree; shifts: of the n frames; findings against the
+    models.
     """
 
     path: Path
@@ -82,6 +83,11 @@ class Pivot:
     last: LastStep
     shifts: FrameShifts | None = None
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def different(self) -> tuple[TiePoints, ...]:
+        """The refused tie points of labels that belong to different points."""
+        return tuple(tie for tie in self.refused if tie.disagreement is None)
 
     @property
     def variance(self) -> float:

@@ -9,13 +9,21 @@ from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.trajectory import smooth_in
-from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding, LackOfFit
+from baryscope.estimator.findings import (
+    DifferentPoints,
+    DisagreeingClusters,
+    ExcessResiduals,
+    FewFrames,
+    Finding,
+    LackOfFit,
+)
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
 from baryscope.estimator.pivot.refinement import ROUNDING
+from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.estimator.tracks import FeatureTracks
 
@@ -32,10 +40,7 @@ MAX_SPURIOUS_GROWTH = 1.5  # of an offset's variance by removal of spurious info
 
 def misfits(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
     """Findings against labels and path."""
-    findings: list[Finding] = [
-        DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
-        for points in found.refused
-    ]
+    findings: list[Finding] = [_of_refused(points, tracks.labels) for points in found.refused]
     measured = found.observations
     if found.residual_variance > least_variance(measured, ROUNDING):
         excess = excess_residuals(found, registered) if measured.precision is None else None
@@ -49,6 +54,14 @@ def misfits(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tupl
     if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
+
+
+def _of_refused(points: TiePoints, labels: tuple[str, ...]) -> DifferentPoints | DisagreeingClusters:
+    """The finding of tie points that are refused."""
+    names = tuple(labels[index] for index in points.features)
+    if points.disagreement is None:
+        return DifferentPoints(names, points.bodies)
+    return DisagreeingClusters(names, points.bodies, points.disagreement)
 
 
 def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | None:

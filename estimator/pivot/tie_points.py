@@ -3,9 +3,10 @@
 The products b_j · b_k of a body's points from the centre of mass do not depend on its axes. They are the distances of
 the features from it and from one another. Two bodies with common features have equal products, so these are
 constrained to be equal, with the covariance of the separate bodies. A label that belongs to a different point in the
-second body fails the test of this hypothesis and is no tie point. A body whose offset is known by the noise of its
-attitudes is not tied: its covariance is too small. Covariances are kept as factors, so that they stay positive
-semidefinite whatever the condition of the bodies.
+second body fails the test of this hypothesis and is no tie point. But where no place of a common label agrees, and all
+are nearer to each other than those of different features are, the bodies disagree by more than they claim: the path or
+an attitude is wrong. A body whose offset is known by the noise of its attitudes is not tied: its covariance is too
+small. Covariances are kept as factors, so that they stay positive semidefinite whatever the condition of the bodies.
 """
 
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 SIGNIFICANCE = 1e-4  # probability that the same features are taken for different points
+DOUBTFUL = 0.5  # odds that bodies disagree, above which they say so: their claims are then not to be relied on
 LINEARITY = 5.0  # least standard deviation of a product over the second-order term that its linear model neglects
 MAX_TIE_POINTS = 8  # points compared between two bodies: more features are averaged in groups
 MAX_SPURIOUS = 1 / 3  # share of spurious information on an offset, above which its body is not tied
@@ -38,7 +40,8 @@ class TiePoints:
     """Two bodies, by their indices in the solution, and the features (k,) that they share.
 
     rows: the features' indices in either body; means (g, k): the compared points, as features or means of some;
-    compared (c, g²): the combinations of their products that must agree.
+    compared (c, g²): the combinations of their products that must agree. disagreement: of refused ones that are the
+    same points, how many times as far apart as claimed; None of different points.
     """
 
     bodies: tuple[int, int]
@@ -46,6 +49,7 @@ class TiePoints:
     rows: tuple[IntArray, IntArray]
     means: FloatArray
     compared: FloatArray
+    disagreement: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +129,7 @@ def tie_bodies(
             tied.append(rest)
             refused += changed
         else:
-            refused.append(jointly)
+            refused.append(compare.judged(jointly))
     return (compare.constrained(tied) if tied else solution), tuple(tied), tuple(refused)
 
 
@@ -172,9 +176,31 @@ class _Comparison:
 
     def fits(self, tie: TiePoints) -> bool:
         """Whether the misclosures of tie points are compatible with noise (χ² test)."""
+        return bool(chdtrc(len(tie.compared), self._square(tie)) > SIGNIFICANCE)
+
+    def judged(self, tie: TiePoints) -> TiePoints:
+        """Refused tie points, with the bodies' disagreement unless different points are clearly likelier.
+
+        Of labels that come back on other features, squared distances from the centre of mass differ by as much as those
+        of any two features do. The chance c of so small a difference, the product over the labels of the share of such
+        pairs, makes its density c/(2 v). If bodies claim κ times too little, with a density 1/κ² of κ > 1, a difference
+        v of r deviations has the density √(2/π)/(2 r v): √(2/π)/(r c) are the odds for that.
+        """
+        first, second = (np.sum(self.solution.bodies[index].points ** 2, axis=1) for index in tie.bodies)
+        pairs = np.abs(first[:, None] - second)
+        apart, others = pairs[tie.rows], np.ones_like(pairs, dtype=bool)
+        others[tie.rows] = False
+        nearer = np.array([np.count_nonzero(pairs[others] <= one) for one in apart])
+        chance = float(np.prod((nearer + 1) / (others.sum() + 1)))
+        ratio = float(np.sqrt(self._square(tie) / len(tie.compared)))
+        odds = np.sqrt(2 / np.pi) / (ratio * chance)
+        return replace(tie, disagreement=ratio) if odds > DOUBTFUL else tie
+
+    def _square(self, tie: TiePoints) -> float:
+        """The squared misclosures of tie points in units of their covariance: χ²."""
         misclosures = self.misclosures([tie])
         square = float(misclosures.values @ symmetric_pseudo_inverse(misclosures.covariance) @ misclosures.values)
-        return bool(chdtrc(len(misclosures.values), max(square, 0.0) / max(self.variance, 1e-300)) > SIGNIFICANCE)
+        return max(square, 0.0) / max(self.variance, 1e-300)
 
     def excess(self, index: int, rows: IntArray, means: FloatArray) -> FloatArray:
         """By how much the products (g, g) of means of some points of a body are too large on average.

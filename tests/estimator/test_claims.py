@@ -5,7 +5,7 @@ import pytest
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.claims import claimed
-from baryscope.estimator.findings import Departure, ExcessResiduals, FramesLeftOut, LackOfFit
+from baryscope.estimator.findings import Departure, DisagreeingClusters, ExcessResiduals, FramesLeftOut, LackOfFit
 from baryscope.estimator.result import Motion, Noise, ProcessNoise, Status
 from free_paths import FEATURES, NOISE, on_parabola, turning
 from results import an_estimate
@@ -48,6 +48,8 @@ def test_misfits_widen_by_what_they_show():
     speed = 0.75e-4 * (2 * np.pi / 9) ** 2
     np.testing.assert_allclose(found.motion.velocity_covariance[0], (9e-6 + speed) * np.eye(3))
     np.testing.assert_allclose(found.observability.body.deviations[-1] ** 2, 9 * 9e-4 + 0.75e-4)
+    apart = claim_of(an_estimate(findings=(DisagreeingClusters(("a",), (0, 1), 4.0),)))
+    np.testing.assert_allclose(apart.covariance, 16 * plain.covariance)
     bent = claim_of(an_estimate(findings=(LackOfFit("fixed", 0.3, 90.0, 3),)))
     np.testing.assert_allclose(bent.covariance, plain.covariance + 0.03 * np.eye(3))
 

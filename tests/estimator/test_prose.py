@@ -6,6 +6,7 @@ from baryscope.estimator.findings import (
     Departure,
     DepthNoise,
     DifferentPoints,
+    DisagreeingClusters,
     EstimatedOrbit,
     ExcessResiduals,
     Extrapolated,
@@ -130,6 +131,11 @@ def test_verdict_names_a_skew_axis():
         ),
         (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
         (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
+        (
+            DisagreeingClusters(("a", "b"), (0, 2), 3.14),
+            "clusters 0 and 2 see a, b 3.1 times as far apart as they claim to know: "
+            "the path between them does not fit, or attitudes are spoilt",
+        ),
     ],
 )
 def test_sentences(finding, expected):

@@ -7,6 +7,7 @@ from baryscope.estimator.findings import (
     ChangingNoise,
     DepthNoise,
     DifferentPoints,
+    DisagreeingClusters,
     ExcessResiduals,
     Extrapolated,
     FewFrames,
@@ -46,7 +47,11 @@ def test_coverage_is_the_share_of_frames_with_an_attitude():
 
 def test_status_is_the_most_severe_defect():
     hidden = (a_cluster([0.01, 0.02, 4.0]),)
-    misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
+    misfits = (
+        LackOfFit("fixed", 0.1, 90.0, 3),
+        ExcessResiduals("free tumble", 2.0),
+        DisagreeingClusters(("a",), (0, 1), 4.0),
+    )
     assert an_estimate().status is Status.GOOD
     noises = (WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03)), DepthNoise(0.01, 0.05))
     for remark in (

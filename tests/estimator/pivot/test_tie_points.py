@@ -139,7 +139,19 @@ def test_relabelled_points_are_no_tie_points():
     found, made, refused = tie_bodies(renamed, FINE**2, observations, sampled.position(X))
     assert found is renamed
     assert made == ()
-    assert [one.features.tolist() for one in refused] == [[3]]
+    assert [(one.features.tolist(), one.disagreement) for one in refused] == [([3], None)]
+
+
+def test_bodies_that_share_all_the_same_features_and_claim_too_little_disagree():
+    """Three features are the same in both, but of a noise that is told five times too small."""
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [2, 3, 4, 5, 6]], POINTS)
+    apart = converged(bodies, observations, sampled)
+    found, made, refused = tie_bodies(apart, (FINE / 5) ** 2, observations, sampled.position(X))
+    assert (found, made) == (apart, ())
+    (one,) = refused
+    assert one.features.tolist() == [2, 3, 4]
+    low, high = np.sqrt(chi2.ppf([0.001, 0.999], len(one.compared)) / len(one.compared))
+    assert 5 * low < one.disagreement < 5 * high
 
 
 def test_unchanged_features_tie_although_others_are_relabelled():
