@@ -132,11 +132,13 @@ class PivotProblem:
     ) -> "PivotProblem | None":
         """The problem solved with the burns that a known motion shows; None without any, or if it is no likelier.
 
-        Only where the solution leaves something to process noise. points (m, 3) of each of its bodies from the centre
+        Only on an orbit, where the solution leaves something to process noise: a smooth path follows burns by itself, and
+        to look for them takes many times as long as all else. points (m, 3) of each of its bodies from the centre
         of mass, in axes that all have in common, m; attitude (n, 3, 3) of these in C, as it is seen, origin (n, 3) in
         C, m; weight (n, m): robust, of the observations; variance of one of weight 1.
         """
-        if not (may_have_burns(self.start.path, self.options) and self.solved.has(DENSITY)):
+        path = self.start.path
+        if path.name != "relative-orbit" or not (may_have_burns(path, self.options) and self.solved.has(DENSITY)):
             return None
         pairs = zip(self.solved.bodies, points, strict=True)
         bodies = tuple(replace(body, points=own, attitude=attitude[body.frames]) for body, own in pairs)
