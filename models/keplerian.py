@@ -8,8 +8,6 @@ import casadi as ca
 
 from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_P
 
-KEPLER_ITERATIONS = 8  # steps of fourth order, see `eccentric_anomaly`
-
 PARAMETERS = (
     "orbit.semiMajorAxis",
     "orbit.eccentricity",
@@ -136,20 +134,40 @@ def conic(orbit: Ellipse, true_anomaly: Symbol) -> Conic:
 
 
 def eccentric_anomaly(mean_anomaly: Symbol, eccentricity: Symbol) -> Symbol:
-    """E in rad from Kepler's equation E − e sin E = M, for −π ≤ M ≤ π.
+    """E in rad from Kepler's equation E − e sin E = M, for −π ≤ M ≤ π and 0 ≤ e < 1.
 
-    Danby's method (1988): it starts at E = M + 0.85 e sign(sin M) and takes steps of fourth order. The fixed number of
-    steps converges for every e up to 0.999.
+    Markley's method (1995): with a Padé approximant of sin E the equation is a cubic one, the root of which is E to
+    4e-4 of itself; one step of fifth order leaves less of that than rounding does.
     """
     M, e = mean_anomaly, eccentricity
-    E = M + 0.85 * e * ca.sign(ca.sin(M))
-    for _ in range(KEPLER_ITERATIONS):
-        sine, cosine = e * ca.sin(E), e * ca.cos(E)
-        residual, slope = E - sine - M, 1 - cosine
-        second = -residual / slope
-        third = -residual / (slope + second * sine / 2)
-        E = E - residual / (slope + third * sine / 2 + third**2 * cosine / 6)
-    return E
+    E = _markleys_start(M, e)
+    sine, cosine = e * ca.sin(E), e * ca.cos(E)
+    residual, slope = E - sine - M, 1 - cosine
+    step = -residual / slope
+    step = -residual / (slope + step * sine / 2)
+    step = -residual / (slope + step * (sine / 2 + step * cosine / 6))
+    step = -residual / (slope + step * (sine / 2 + step * (cosine / 6 - step * sine / 24)))
+    return E + step
+
+
+def _markleys_start(M: Symbol, e: Symbol) -> Symbol:
+    """The root of the cubic equation, in the symbols of Markley (1995)."""
+    alpha = (3 * ca.pi**2 + 1.6 * ca.pi * (ca.pi - ca.fabs(M)) / (1 + e)) / (ca.pi**2 - 6)
+    d = 3 * (1 - e) + alpha * e
+    q = 2 * alpha * d * (1 - e) - M**2
+    r = M * (3 * alpha * d * (d - 1 + e) + M**2)
+    w = _cube_root(ca.fabs(r) + ca.sqrt(q**3 + r**2)) ** 2
+    return (2 * r * w / (w * (w + q) + q**2) + M) / d
+
+
+def _cube_root(x: Symbol) -> Symbol:
+    """x^(1/3) to 1e-3 for x from 1e-6 to 1e3: x^(1/4) x^(1/16) x^(1/48), the last by a Padé approximant about 1.
+
+    By square roots, which all platforms round alike: a library that calls pow asks for the glibc it was built with.
+    """
+    fourth = ca.sqrt(ca.sqrt(x))
+    y = ca.sqrt(ca.sqrt(fourth))
+    return fourth * y * (14 * y**2 + 35 * y + 5) / (5 * y**2 + 35 * y + 14)
 
 
 def eccentric_anomaly_after(time: Symbol, elements: Elements) -> tuple[Symbol, Symbol]:

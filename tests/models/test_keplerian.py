@@ -1,5 +1,8 @@
 """The target's orbit against root finding by scipy, complex steps, vis-viva and the geostationary orbit."""
 
+from decimal import Decimal, localcontext
+from itertools import accumulate
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -48,6 +51,30 @@ def test_eccentric_anomaly_near_and_far_from_periapsis(e):
     symbol = ca.SX.sym("M")
     E = np.array(ca.Function("E", [symbol], [eccentric_anomaly(symbol, e)]).map(M.size)(M[None])).ravel()
     assert np.abs(E - e * np.sin(E) - M).max() < 1e-15
+
+
+def sine(x):
+    """Of a decimal number up to π in size, by 40 terms of its series, the next of which is below 1e-75."""
+    terms = accumulate(range(1, 40), lambda term, n: -term * x * x / (2 * n * (2 * n + 1)), initial=x)
+    return sum(terms, Decimal(0))
+
+
+@pytest.mark.parametrize("e", [0.0, 1e-9, 0.01, 0.1, 0.3, 0.5, 0.7, 0.8, 0.89, 0.99, 0.9999, 0.999999])
+def test_eccentric_anomaly_to_rounding(e):
+    """E is given, and M computed with fifty digits and rounded once.
+
+    Tolerance, in halves of an ulp: the last addition makes one of E; M, sin E, e sin E and the differences of these
+    with E, all no larger than E, make one of E each, over the slope 1 − e cos E.
+    """
+    E = np.concatenate([np.geomspace(1e-9, 3.1, 120), np.linspace(0.05, 3.14, 60)])
+    with localcontext(prec=50):
+        M = np.array([float(Decimal(x) - Decimal(e) * sine(Decimal(x))) for x in E.tolist()])
+    symbol = ca.SX.sym("M")
+    solve = ca.Function("E", [symbol], [eccentric_anomaly(symbol, e)]).map(2 * E.size)
+    found = np.array(solve(np.concatenate([M, -M])[None])).ravel()
+    half_ulp = np.finfo(float).eps / 2
+    tolerance = half_ulp * (1 + 5 / (1 - e * np.cos(E)))
+    assert np.all(np.abs(np.split(found, 2) / np.array([E, -E]) - 1) < tolerance)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.5, 0.8, 0.95])
