@@ -55,21 +55,29 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
 /* To a later time, until which manoeuvres have moved the chaser. */
 static void go_ahead(const Online *filter, Ahead *ahead, double end, const Manoeuvre *manoeuvre) {
     int count = end > ahead->time ? steps_between(&filter->options, ahead->time, end) : 0;
-    if (is_manoeuvre(manoeuvre)) begin_thrust(&filter->options, &ahead->posterior);
+    Manoeuvre now = *manoeuvre;
+    now.end = end;
+    if (count > 0 && is_manoeuvre(manoeuvre)) begin_thrust(&filter->options, &ahead->posterior);
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double T = (end - ahead->time) / count, from = ahead->time + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? manoeuvre : NULL, ahead->x, &ahead->posterior, &transition);
+        step_on(filter, from, last ? end : from + T, &now, ahead->x, &ahead->posterior, &transition);
     }
     ahead->time = end;
 }
 
+/* Of thrust in a span. */
+static Manoeuvre manoeuvre_of(const OnlineThrust *thrust) {
+    Manoeuvre manoeuvre = {0};
+    for (int k = 0; k < 3; k++) manoeuvre.acceleration[k] = thrust->acceleration[k];
+    copy(thrust->axes, manoeuvre.axes);
+    return manoeuvre;
+}
+
 /* To a later time, until which there is thrust. */
 static void manoeuvre_ahead(const Online *filter, Ahead *ahead, double end, const OnlineThrust *thrust) {
-    Manoeuvre manoeuvre = {0};
-    copy(thrust->axes, manoeuvre.axes);
-    displacement_by(&filter->options, ahead->time, end, thrust->acceleration, manoeuvre.moved);
+    const Manoeuvre manoeuvre = manoeuvre_of(thrust);
     go_ahead(filter, ahead, end, &manoeuvre);
 }
 

@@ -59,8 +59,20 @@ static int steps_between(const OnlineOptions *options, double begin, double end)
     return arcs < 1.0 ? 1 : arcs > 200.0 ? 200 : (int)arcs;
 }
 
-/* What has moved the chaser, (r, v), goes on, and so does what an acceleration a in C, m/s2, adds: it acts in a straight line, and
-   on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth of T2 are due. */
+/* What has moved the chaser, (r, v), goes on by T s and their transition F, and so does what an acceleration a in C, m/s2, adds: it acts in
+   a straight line, and on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth
+   of T2 are due. */
+static void displace(double T, const double F[6][6], const double a[3], double moved[6]) {
+    double from[6];
+    for (int i = 0; i < 6; i++) from[i] = moved[i];
+    for (int i = 0; i < 6; i++) moved[i] = dot(F[i], from) + dot(&F[i][3], &from[3]);
+    for (int k = 0; k < 3; k++) {
+        moved[k] += T * T * (0.5 * a[k] + (dot(F[k], a) - a[k]) / 12.0);
+        moved[3 + k] += T * a[k] + T * T / 6.0 * dot(F[3 + k], a);
+    }
+}
+
+/* The same between two times. */
 static void displacement_by(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6]) {
     double any = 0.0;
     for (int k = 0; k < 6; k++) any += fabs(moved[k]) + fabs(a[k % 3]);
@@ -68,14 +80,9 @@ static void displacement_by(const OnlineOptions *options, double begin, double e
     int count = steps_between(options, begin, end);
     double T = (end - begin) / count;
     for (int s = 0; s < count; s++) {
-        double F[6][6], x[6] = {0.0}, from[6], start = begin + s * T;
+        double F[6][6], x[6] = {0.0}, start = begin + s * T;
         propagate(options, start, s + 1 < count ? start + T : end, x, F);
-        for (int i = 0; i < 6; i++) from[i] = moved[i];
-        for (int i = 0; i < 6; i++) moved[i] = dot(F[i], from) + dot(&F[i][3], &from[3]);
-        for (int k = 0; k < 3; k++) {
-            moved[k] += T * T * (0.5 * a[k] + (dot(F[k], a) - a[k]) / 12.0);
-            moved[3 + k] += T * a[k] + T * T / 6.0 * dot(F[3 + k], a);
-        }
+        displace(T, F, a, moved);
     }
 }
 
@@ -141,11 +148,13 @@ static Transition transition_of_node(const Online *filter) {
     return transition;
 }
 
-/* (r, v) and what is known go on by one step, at the end of which there is a manoeuvre, or NULL; the transition is without its step. */
-static void step_on(const Online *filter, double begin, double end, const Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
+/* (r, v) and what is known go on by one step of a manoeuvre, whose last one ends with it; the transition is without its step. */
+static void step_on(const Online *filter, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
     propagate(&filter->options, begin, end, x, transition->F);
-    if (manoeuvre) {
+    displace(transition->span, transition->F, manoeuvre->acceleration, manoeuvre->pushed);
+    if (end == manoeuvre->end) {
+        for (int i = 0; i < 6; i++) manoeuvre->moved[i] += manoeuvre->pushed[i];
         const double *place = manoeuvre->moved, *speed = &manoeuvre->moved[3];
         add_manoeuvre(filter, manoeuvre, x, transition->by_thrust);
         transition->pushes[0] = dot(place, place), transition->pushes[1] = dot(speed, speed), transition->pushes[2] = dot(place, speed);
@@ -158,14 +167,16 @@ static void step_on(const Online *filter, double begin, double end, const Manoeu
 static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
     int count = steps_between(&filter->options, filter->time, end);
     double begin = filter->time, T = (end - begin) / count;
+    Manoeuvre now = *manoeuvre;
+    now.end = end;
     if (is_manoeuvre(manoeuvre)) heed_thrust(filter);
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? manoeuvre : NULL, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
+        step_on(filter, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
-        if (filter->manoeuvred != 0.0) advance_curve(filter, transition.F, last ? manoeuvre : NULL);
+        if (filter->manoeuvred != 0.0) advance_curve(filter, transition.F, last ? &now : NULL);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
     }
     filter->time = end;

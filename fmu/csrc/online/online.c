@@ -191,9 +191,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
 
 int online_update(Online *filter, double time, int count, const long long *names, const double *points,
                   const double *covariances, const OnlineThrust *thrust) {
-    Manoeuvre manoeuvre = {0};
     if (!is_thrust(thrust)) return BAD_ACCELERATION;
-    copy(thrust->axes, manoeuvre.axes);
-    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) displacement_by(&filter->options, filter->time, time, thrust->acceleration, manoeuvre.moved);
+    const Manoeuvre manoeuvre = manoeuvre_of(thrust);
     return take_frame(filter, time, count, names, points, covariances, &manoeuvre);
 }

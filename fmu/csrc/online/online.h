@@ -156,9 +156,10 @@ typedef struct {
     double span, step[6], F[6][6], by_thrust[6][OF_THRUST], pushes[3];
 } Transition;
 
-/* By what an acceleration has moved the chaser, (r, v) in C, and the axes in which its thrusters are fixed, R_C_D. */
+/* What moves the chaser until `end`: by how much it is moved then, (r, v) in C, and an acceleration meanwhile, by which it is
+   moved besides, so far by `pushed`; and the axes in which its thrusters are fixed, R_C_D. */
 typedef struct {
-    double moved[6], axes[3][3];
+    double end, moved[6], acceleration[3], pushed[6], axes[3][3];
 } Manoeuvre;
 
 /* A node as the bank was given it, and the transition to it. */

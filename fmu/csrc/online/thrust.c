@@ -36,7 +36,7 @@ static void pack_member(const Member *member, PackedMember *to) {
 
 static int is_manoeuvre(const Manoeuvre *manoeuvre) {
     for (int i = 0; i < 6; i++)
-        if (manoeuvre->moved[i] != 0.0) return 1;
+        if (manoeuvre->moved[i] != 0.0 || manoeuvre->acceleration[i % 3] != 0.0) return 1;
     return 0;
 }
 
