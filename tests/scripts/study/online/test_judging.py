@@ -38,6 +38,30 @@ def test_the_causal_bound_at_the_end_is_that_of_all_observations():
     assert bounds["free"] < made.causal_bound(len(made.path) - 1, False) < 3 * bounds["free"]
 
 
+@pytest.mark.parametrize("draw", range(3))
+def test_thrust_that_is_logged_is_told(draw):
+    """By the path of the same draw without burns: so far the told pushes have moved the chaser, and the target is seen
+    to move the other way.
+
+    A push is a mean over a second: of each of up to six edges of burns of up to 3 mm/s² the place is wrong by up to an
+    eighth of that. Gravity's gradient, of up to 2 n², makes less than n² T² = 0.4 % of the way in T = 60 s.
+    """
+    made, free = flight("thrust logged", 3, draw), flight("as modelled", 3, draw)
+    time, pushes = made.tracks.time, made.pushes
+    assert pushes is not None
+    begin = int(np.argmax(pushes.any(axis=1)))
+    end = begin + 60
+    step = np.diff(time)[:, None]
+    speed = np.cumsum(pushes[1:] * step, axis=0)
+    way = np.cumsum((np.concatenate([np.zeros((1, 3)), speed[:-1]]) + pushes[1:] * step / 2) * step, axis=0)
+    moved = (made.path - free.path)[1:]
+    assert np.abs(moved[end - 1]).max() > 0.02
+    assert moved[begin : end + 1] == pytest.approx(
+        -way[begin : end + 1], abs=6 * 3e-3 / 8 + 0.004 * np.abs(way[end]).max()
+    )
+    assert flight("thrust not logged", 3, draw).pushes is None
+
+
 def test_a_case_of_the_population_has_its_rotations_and_bounds():
     made = flight(POPULATION, 1, 0)
     assert (np.diff(made.rotations) >= 0).all()
