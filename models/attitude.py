@@ -167,15 +167,16 @@ def angular_momentum(inertia_B: Symbol, angular_rate_B: Symbol, R_I_B: Symbol) -
     return R_I_B @ (inertia_B @ angular_rate_B)
 
 
-def tumble_step() -> ca.Function:
-    """The function (q, ω, J, g, h) → (q, ω, G) of a tumble over h s, by the classical Runge–Kutta formula.
+def tumble_step(gravity_gradient: bool) -> ca.Function:
+    """The function (q, ω, J, h, g) → (q, ω, G) of a tumble over h s, by the classical Runge–Kutta formula.
 
     q is q_I_B (w, x, y, z), ω in B, rad/s; J (9,) by columns; g (3,) the axis of the gravity gradient in I, see
-    `gravity_gradient_axis`, zero for a free tumble. G (6, 11) maps changes of attitude (a rotation vector in I), rate
-    and inertia (coefficients of INERTIA_BASIS) before the step to those of attitude and rate after it.
+    `gravity_gradient_axis`, which a free tumble does without: its step costs half as much. G (6, 11) maps changes of
+    attitude (a rotation vector in I), rate and inertia (coefficients of INERTIA_BASIS) before the step to those of
+    attitude and rate after it.
     """
     q, w, inertia, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("h")
-    axis_I = ca.SX.sym("g", 3)
+    axis_I = ca.SX.sym("g", 3) if gravity_gradient else ca.SX(3, 1)
     J = ca.reshape(inertia, 3, 3)
     inverse = symmetric_inverse(J)
 
@@ -201,7 +202,9 @@ def tumble_step() -> ca.Function:
         for start, k1, k2, k3, k4 in zip((x, G), one, two, three, four, strict=True)
     )
     found = [after[:4] / ca.norm_2(after[:4]), after[4:], ca.densify(change)]
-    return ca.Function("tumble", [q, w, inertia, axis_I, h], found, {"cse": True})
+    if gravity_gradient:
+        return ca.Function("tumble", [q, w, inertia, h, axis_I], found, {"cse": True})
+    return ca.Function("free_tumble", [q, w, inertia, h], found, {"cse": True})
 
 
 def _by_vector(J: Symbol, v: Symbol) -> Symbol:

@@ -19,8 +19,8 @@ THRUST = 0.02  # 2 % of the command and 1.1° of its direction, as of thrusters 
 
 @cache
 def filter_functions() -> tuple[ca.Function, ...]:
-    """The steps of the relative orbit and of the tumble, and the axis of the gravity gradient."""
-    return step_in_chaser_axes(), tumble_step(), gravity_gradient_function()
+    """The steps of the relative orbit and of the tumble, free or not, and the axis of the gravity gradient."""
+    return step_in_chaser_axes(), tumble_step(True), tumble_step(False), gravity_gradient_function()
 
 
 def work_of(functions: Sequence[ca.Function]) -> dict[str, int]:

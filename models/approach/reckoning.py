@@ -189,7 +189,7 @@ def carried_on(belief: Belief, acting: Symbol, step: tuple[Symbol, Symbol], elem
     J = ca.if_else(ca.trace(J) > 0, J, ca.SX.eye(3))
     known = ca.norm_2(belief.attitude) > DIRECTED
     attitude = ca.if_else(known, belief.attitude, ca.SX([1, 0, 0, 0]))  # else hosts that trap 0 / 0 end here
-    turned, rate, _ = tumble_step()(attitude, belief.rate, ca.vec(J), ca.SX.zeros(3), length)
+    turned, rate, _ = tumble_step(gravity_gradient=False)(attitude, belief.rate, ca.vec(J), length)
     return replace(
         belief,
         position=belief.position + length * moving,

@@ -200,7 +200,7 @@ def test_a_step_of_a_tumble_is_that_of_an_integration_and_its_jacobian_that_of_d
     root = rng.uniform(-1, 1, (3, 3))
     mass = root @ root.T + 0.2 * np.eye(3)
     inertia = (np.trace(mass) * np.eye(3) - mass) / (2 * np.trace(mass))  # of trace 1
-    step, function = 2.0, tumble_step()
+    step, pulled = 2.0, bool(np.any(axis))
 
     def stepped(turn, rate, change):
         """Attitude as a matrix and rate, by scipy."""
@@ -216,7 +216,9 @@ def test_a_step_of_a_tumble_is_that_of_an_integration_and_its_jacobian_that_of_d
         done = solve_ivp(slope, (0, step), np.concatenate([start, w + rate]), "DOP853", rtol=1e-12, atol=1e-14)
         return Rotation.from_quat(done.y[:4, -1], scalar_first=True), done.y[4:, -1]
 
-    after, rate, jacobian = (np.asarray(value) for value in function(q, w, inertia.ravel(), axis, step))
+    after, rate, jacobian = (
+        np.asarray(value) for value in tumble_step(pulled)(q, w, inertia.ravel(), step, *([axis] if pulled else []))
+    )
     attitude, exact = stepped(np.zeros(3), np.zeros(3), np.zeros(5))
     fourth_order = (np.linalg.norm(w) * step) ** 5
     off = Rotation.from_quat(after[:, 0], scalar_first=True) * attitude.inv()

@@ -35,6 +35,13 @@ static void moved_by_turn(const double p[3], double C[3][3]) {
     C[2][0] = p[1], C[2][1] = -p[0];
 }
 
+/* Whether a symmetric matrix is positive definite. */
+static int is_definite(const double A[3][3]) {
+    double c00 = A[1][1] * A[2][2] - A[1][2] * A[2][1], c01 = A[0][2] * A[2][1] - A[0][1] * A[2][2],
+           c02 = A[0][1] * A[1][2] - A[0][2] * A[1][1];
+    return A[0][0] > 0.0 && A[0][0] * A[1][1] - A[0][1] * A[1][0] > 0.0 && A[0][0] * c00 + A[1][0] * c01 + A[2][0] * c02 > 0.0;
+}
+
 /* The inverse of a symmetric positive definite matrix; 0 if it is not one. */
 static int inverted(const double A[3][3], double C[3][3]) {
     double c00 = A[1][1] * A[2][2] - A[1][2] * A[2][1], c01 = A[0][2] * A[2][1] - A[0][1] * A[2][2],

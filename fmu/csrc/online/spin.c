@@ -17,10 +17,10 @@ static void inertia_of(const double j[5], double J[3][3]) {
 
 /* Whether moments of inertia of trace 1 are possible: none is larger than the sum of the others. */
 static int possible(double J[3][3]) {
-    double half[3][3], inverse[3][3];
+    double half[3][3];
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) half[a][b] = (a == b ? 0.5 : 0.0) - J[a][b];
-    return inverted(J, inverse) && inverted(half, inverse);
+    return is_definite(J) && is_definite(half);
 }
 
 /* The spin corrected by x. */
@@ -83,7 +83,7 @@ static void stepped(const double G[6][SPIN], double F[6][SPIN], double Q[6][6]) 
 
 /* Over T s: the spin, by what F its errors go on, and Q, which white torque of unit density adds; 0 if that is too far. */
 static int spin_on(const OnlineOptions *options, Spin *spin, double begin, double T, double F[6][SPIN], double Q[6][6]) {
-    double count = ceil(fabs(T) * sqrt(dot(spin->w, spin->w)) / FINE), J[3][3], columns[9], axis[3] = {0};
+    double count = ceil(fabs(T) * sqrt(dot(spin->w, spin->w)) / FINE), J[3][3], columns[9], axis[3];
     if (!(count <= MOST_STEPS)) return 0;
     int steps = count < 1.0 ? 1 : (int)count;
     double h = T / steps;
@@ -93,8 +93,9 @@ static int spin_on(const OnlineOptions *options, Spin *spin, double begin, doubl
         for (int j = 0; j < 6; j++) Q[i][j] = 0.0;
     for (int s = 0; s < steps; s++) {
         double G[6][SPIN], R[3][3];
-        if (spin->gradient != 0.0) gravity_gradient(options, begin + (s + 0.5) * h, axis);
-        rotation_step(spin->q, spin->w, columns, axis, h, s == 0 ? F : G);
+        const int pulled = spin->gradient != 0.0;
+        if (pulled) gravity_gradient(options, begin + (s + 0.5) * h, axis);
+        rotation_step(spin->q, spin->w, columns, pulled ? axis : NULL, h, s == 0 ? F : G);
         if (s > 0) stepped(G, F, Q);
         matrix_of(spin->q, R);
         for (int a = 0; a < 3; a++) {

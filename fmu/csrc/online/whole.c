@@ -29,14 +29,15 @@ static void gravity_gradient(const OnlineOptions *options, double time, double a
     gradient_axis(arguments, results, (int[gradient_axis_SZ_IW + 1]){0}, work, 0);
 }
 
-/* A step of a tumble in place, under the gravity gradient of an axis, and its Jacobian. */
+/* A step of a tumble in place, under the gravity gradient of an axis, or free of it, NULL; and its Jacobian. */
 static void rotation_step(double q[4], double w[3], const double inertia[9], const double axis[3], double h, double G[6][11]) {
-    double q0[4], w0[3], columns[66], work[tumble_SZ_W];
+    double q0[4], w0[3], columns[66], work[tumble_SZ_W + free_tumble_SZ_W];
     for (int k = 0; k < 4; k++) q0[k] = q[k];
     for (int k = 0; k < 3; k++) w0[k] = w[k];
-    const double *arguments[tumble_SZ_ARG] = {q0, w0, inertia, axis, &h};
+    const double *arguments[tumble_SZ_ARG] = {q0, w0, inertia, &h, axis};
     double *results[tumble_SZ_RES] = {q, w, columns};
-    tumble(arguments, results, (int[tumble_SZ_IW + 1]){0}, work, 0);
+    if (axis) tumble(arguments, results, (int[tumble_SZ_IW + 1]){0}, work, 0);
+    else free_tumble(arguments, results, (int[free_tumble_SZ_IW + 1]){0}, work, 0);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 11; j++) G[i][j] = columns[6 * j + i];
 }
