@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from baryscope.estimator import FeatureTracks
 from baryscope.estimator.online import OnlineEstimator, OnlineState
 from baryscope.estimator.online.core import MOST_FEATURES
-from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.information import Watched, unknowns_bound
 from baryscope.study.population.populations import FIRST, POPULATIONS
-from baryscope.study.world.scenes import RATE, Scene, memory, rows_of, scene
+from baryscope.study.world.scenes import RATE, logged_thrust, memory, scene
 from baryscope.study.world.worlds import WORLDS
 
 FloatArray = NDArray[np.float64]
@@ -34,8 +34,8 @@ class Flight:
 
     sigma in m, of a coordinate without a covariance of its own; attitude_noise of the camera, rad; path (n, 3) of the
     centre of mass in C; jacobian (n, 3, p) of it by unknowns with the prior information (p,); moved: how many of these
-    move the path; watched: what is seen; rotations (n,): how often the target has turned; pushes (n, 3): the chaser's
-    acceleration in C since the frame before as it is logged, in the mean, m/s², None if it is not.
+    move the path; watched: what is seen; rotations (n,): how often the target has turned; thrust: of the
+    chaser, as it is logged.
     """
 
     tracks: FeatureTracks
@@ -48,17 +48,29 @@ class Flight:
     moved: int
     watched: Watched
     rotations: FloatArray
-    pushes: FloatArray | None = None
+    thrust: KnownAcceleration | None = None
 
     def states(self) -> Iterator[OnlineState]:
         """The state after each frame, by a new filter, which sees the first of the features if it can't hold all."""
         tracks = self.tracks
         seen = tracks.seen & (np.cumsum(tracks.seen, axis=1) <= MOST_FEATURES)
+        pushes = self.pushes()
         filter = OnlineEstimator(self.sigma, self.orbit, attitude_noise=self.attitude_noise)
         for k, time in enumerate(tracks.time):
             covariance = None if tracks.covariance is None else tracks.covariance[k]
-            push = None if self.pushes is None else self.pushes[k]
-            yield filter.update(float(time), tracks.position[k], seen[k], covariance=covariance, acceleration=push)
+            yield filter.update(float(time), tracks.position[k], seen[k], covariance=covariance, acceleration=pushes[k])
+
+    def pushes(self) -> FloatArray:
+        """The mean acceleration (n, 3) of the chaser in C since the frame before, m/s², as it is logged."""
+        time, log, found = self.tracks.time, self.thrust, np.zeros((len(self.tracks.time), 3))
+        if log is None:
+            return found
+        gained = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(log.time)[:, None] * log.value[:-1], axis=0)])
+        row = np.maximum(log.held_at(time), 0)
+        speed = gained[row] + np.maximum(time - log.time[row], 0.0)[:, None] * log.value[row]
+        R_C_D = log.axes_at((time[1:] + time[:-1]) / 2, self.orbit)
+        found[1:] = np.einsum("nij,nj->ni", R_C_D, np.diff(speed, axis=0) / np.diff(time)[:, None])
+        return found
 
     def causal_bound(self, k: int, tumble: bool) -> float:
         """The bound of the error of the path at frame k from the frames up to it, m; tumble: a free one, else any."""
@@ -100,20 +112,8 @@ def _of_world(name: str, seed: int, draw: int) -> Flight:
             made.turn if tumbles else None,
         ),
         rotations=made.time * float(np.linalg.norm(RATE)) / (2 * np.pi),
-        pushes=_logged(made),
+        thrust=logged_thrust(made),
     )
-
-
-def _logged(made: Scene) -> FloatArray | None:
-    """The `pushes` of a draw of a world."""
-    if made.burns is None or made.orbit is None:
-        return None
-    edges, held = rows_of(made.burns, made.world.span)
-    gained = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(edges)[:, None] * held[:-1], axis=0)])
-    until = np.stack([np.interp(made.time, edges, speed) for speed in gained.T], axis=1)
-    mean = np.diff(until, axis=0) / np.diff(made.time)[:, None]
-    R_C_L = lvlh_axes(target_states(made.orbit, (made.time[1:] + made.time[:-1]) / 2))
-    return np.concatenate([np.zeros((1, 3)), np.einsum("nij,nj->ni", R_C_L, mean)])
 
 
 def _of_population(suite: str, seed: int, index: int) -> Flight:

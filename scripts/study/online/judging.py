@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from baryscope.estimator import PathOptions
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.online import OnlineState, OnlineStatus
 from baryscope.models.errors import ComputationError, InputError
@@ -55,12 +56,15 @@ def _at(made: Flight, state: OnlineState, k: int, beside: Sequence[str]) -> Line
 
 
 def _error_of(made: Flight, k: int, method: str) -> float | None:
-    """The error in m at frame k of a method that is told the orbit, from the frames up to it; None if it refuses."""
+    """The error in m at frame k of a method that is told the orbit and logged thrust; None if it refuses.
+
+    It has the frames up to that.
+    """
     tracks, end = made.tracks, k + 1
     covariance = None if tracks.covariance is None else tracks.covariance[:end]
     so_far = replace(tracks, time=tracks.time[:end], position=tracks.position[:end], covariance=covariance)
     try:
-        found = estimate(so_far, method=method, orbit=made.orbit)
+        found = estimate(so_far, method=method, orbit=made.orbit, options=PathOptions(acceleration=made.thrust))
     except (InputError, ComputationError):
         return None
     return float(np.linalg.norm(found.position[-1] - made.path[k]))

@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator import Failure, PathOptions, attempt
-from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 from baryscope.study.population.information import Watched, rms, unknowns_bound
 from baryscope.study.population.judging import accuracy, measured, of_estimate
 from baryscope.study.population.running import Line
 from baryscope.study.world.lasting_bound import lasting_bound
-from baryscope.study.world.scenes import LOG_ERROR, Scene, rows_of, scene
+from baryscope.study.world.scenes import Scene, logged_thrust, scene
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.told_bound import unknown_of_told
 from baryscope.study.world.worlds import WORLDS, World
@@ -90,9 +89,7 @@ def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
     if orbit is not None and world.j2:
         orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
     if made.burns is not None:
-        firing = 0.0 if world.logged == "exactly" else LOG_ERROR
-        log = KnownAcceleration(*rows_of(made.burns, world.span), axes="lvlh", firing=firing)
-        options = replace(options, acceleration=log)
+        options = replace(options, acceleration=logged_thrust(made))
     if world.drag or world.light:
         options = replace(options, constant_acceleration="drag" if world.drag else "sun")
     return orbit, options

@@ -13,6 +13,7 @@ from baryscope.estimator import FeatureTracks
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris import elements_of
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.cases import rotation_with_sensitivity
@@ -195,6 +196,14 @@ def _log(world: World, burns: tuple[Burn, ...], rng: np.random.Generator) -> tup
     if world.logged == "exactly":
         return burns
     return tuple(replace(b, acceleration=b.acceleration * (1 + LOG_ERROR * rng.standard_normal(3))) for b in burns)
+
+
+def logged_thrust(made: Scene) -> KnownAcceleration | None:
+    """The burns as they are logged, with what is told of their errors; None if they are not."""
+    if made.burns is None:
+        return None
+    firing = 0.0 if made.world.logged == "exactly" else LOG_ERROR
+    return KnownAcceleration(*rows_of(made.burns, made.world.span), axes="lvlh", firing=firing)
 
 
 def rows_of(burns: tuple[Burn, ...], span: float) -> tuple[FloatArray, FloatArray]:

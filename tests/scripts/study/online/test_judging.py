@@ -47,8 +47,7 @@ def test_thrust_that_is_logged_is_told(draw):
     eighth of that. Gravity's gradient, of up to 2 n², makes less than n² T² = 0.4 % of the way in T = 60 s.
     """
     made, free = flight("thrust logged", 3, draw), flight("as modelled", 3, draw)
-    time, pushes = made.tracks.time, made.pushes
-    assert pushes is not None
+    time, pushes = made.tracks.time, made.pushes()
     begin = int(np.argmax(pushes.any(axis=1)))
     end = begin + 60
     step = np.diff(time)[:, None]
@@ -59,7 +58,13 @@ def test_thrust_that_is_logged_is_told(draw):
     assert moved[begin : end + 1] == pytest.approx(
         -way[begin : end + 1], abs=6 * 3e-3 / 8 + 0.004 * np.abs(way[end]).max()
     )
-    assert flight("thrust not logged", 3, draw).pushes is None
+    assert not flight("thrust not logged", 3, draw).pushes().any()
+
+
+def test_methods_beside_the_filter_are_told_logged_thrust():
+    """Thrust of up to 90 mm/s that is not told makes of a path centimetres at least; told, a few mm as the filter."""
+    end = judged("thrust logged", 3, 0, beside=["pivot"])["marks"][END]
+    assert end["beside"]["pivot"] < 4 * end["bounds"]["free"]
 
 
 def test_a_case_of_the_population_has_its_rotations_and_bounds():
