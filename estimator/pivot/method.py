@@ -132,8 +132,8 @@ class PivotProblem:
     ) -> "PivotProblem | None":
         """The problem solved with the burns that a known motion shows; None without any, or if it is no likelier.
 
-        Only on an orbit, where the solution leaves something to process noise: a smooth path follows burns by itself, and
-        to look for them takes many times as long as all else. points (m, 3) of each of its bodies from the centre
+        Only on an orbit, where the solution leaves something to process noise: a smooth path follows burns by itself,
+        and to look for them takes many times as long as all else. points (m, 3) of each of its bodies from the centre
         of mass, in axes that all have in common, m; attitude (n, 3, 3) of these in C, as it is seen, origin (n, 3) in
         C, m; weight (n, m): robust, of the observations; variance of one of weight 1.
         """
