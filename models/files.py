@@ -228,18 +228,42 @@ def unwritable(path: AnyPath, error: OSError) -> InputError | DiskError:
     return kind(f"{os.fspath(path)}: cannot be written ({error.strerror or error})")
 
 
-def refuse_overwriting(written: Iterable[AnyPath], read: Iterable[AnyPath]) -> None:
-    """Check that none of the files to be written is one that is read, by this name, another spelling or a link.
+def check_outputs(written: Iterable[AnyPath], read: Iterable[AnyPath]) -> None:
+    """Check, before any work is done for them, that files may be written, as far as their folders tell.
+
+    Args:
+        written: files to be written, whose folders need not be there.
+        read: files that are read: none of them is to be written over, by this name, another spelling or a link.
 
     Raises:
-        InputError: one is.
+        InputError: one is read, or its folder, or the nearest one above that is there, is a file or may not be written.
     """
     sources = list(read)
     for path in written:
+        _check_folder_of(path)
         for source in sources:
             if _is_same(path, source):
                 also = "" if os.fspath(path) == os.fspath(source) else f", as {os.fspath(source)}"
                 raise InputError(f"{os.fspath(path)}: would be written over, but is read{also}; expected another name")
+
+
+def _check_folder_of(path: AnyPath) -> None:
+    there = next((folder for folder in Path(path).parents if os.path.exists(folder)), None)  # noqa: PTH110  never fails
+    if there is None:  # not even the current folder
+        return
+    refuse_file(there)
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"{os.fspath(path)}: cannot be written, as {there} is a folder that is read-only")
+
+
+def refuse_file(folder: AnyPath) -> None:
+    """Check that a folder to write to, which need not be there, is not a file.
+
+    Raises:
+        InputError: it is.
+    """
+    if Path(folder).exists() and not Path(folder).is_dir():
+        raise InputError(f"{os.fspath(folder)}: is a file, expected a folder to write to")
 
 
 def _is_same(one: AnyPath, other: AnyPath) -> bool:

@@ -13,7 +13,7 @@ from baryscope.estimator.bound import Bound, cramer_rao_bound
 from baryscope.estimator.camera.rig import load_rig
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import Scenario, load_scenario, scenario_path
 from baryscope.models.variables import Force
 from baryscope.progress import stage
@@ -113,10 +113,8 @@ def bound(
     """
     show, lists = show or Show(), lists or Lists()
     base = load_scenario(scenario)
-    if output is not None and output.exists() and not output.is_dir():
-        raise InputError(f"{output}: is a file, expected a folder to write to")
     if output is not None:
-        refuse_overwriting(bound_paths(output), [scenario_path(scenario)])
+        check_outputs(bound_paths(output), [scenario_path(scenario)])
     consider = None if rig is None else load_rig(rig)
     if left_out := sorted(base.forces & NOT_IN_BOUND):
         show.remark(f"{scenario}: the bound takes no account of its {' and '.join(left_out)}")

@@ -9,7 +9,7 @@ from baryscope import __version__
 from baryscope.fmu import build_fmu
 from baryscope.fmu.generate import build_wasm
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
@@ -57,7 +57,7 @@ def build(
     if platforms == "wasm" and fmi != 2:
         raise InputError(f"--fmi {fmi}: the WebAssembly module is of FMI 2, expected --fmi 2")
     written = [path, path.with_suffix(".json")] if platforms == "wasm" else [path]
-    refuse_overwriting(written, [scenario_path(scenario)])
+    check_outputs(written, [scenario_path(scenario)])
     with show.progress() as progress, stage(progress, "building the unit") as share:
 
         def compiling(left: tuple[str, ...], done: float) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
@@ -108,7 +108,7 @@ def run_campaign(
     plan = plan_of(scenario or [], suite, chosen, draws=draws, seed=seed, vary=_varied(vary))
     named = plan.name if part.of == 1 else f"{plan.name}-{part.index}-of-{part.of}"
     folder = output or Path("out") / named
-    refuse_overwriting(campaign_paths(folder), _sources(scenario, suite))
+    check_outputs(campaign_paths(folder), _sources(scenario, suite))
     if report:
         summary = report_of(folder)
     else:

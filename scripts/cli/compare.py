@@ -6,8 +6,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from baryscope.estimator.methods import METHODS
-from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.errors import ComputationError
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
 from baryscope.study import build_unit, write_comparison
@@ -43,10 +43,8 @@ def compare(
     labels = labels_of(names)
     flown = load_scenario(scenario)
     folder = output or Path("out") / flown.name
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, expected a folder to write to")
     fmu = folder / "TumblingTarget.fmu"
-    refuse_overwriting([fmu, *comparison_paths(folder, labels)], [scenario_path(scenario)])
+    check_outputs([fmu, *comparison_paths(folder, labels)], [scenario_path(scenario)])
     with show.progress() as progress:
         unit = build_unit(flown, fmu, progress)
         comparison = compare_methods(flown, names, unit=unit, progress=progress)

@@ -14,7 +14,7 @@ from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.words import counted
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_estimate
@@ -86,7 +86,7 @@ def estimate_file(
     written = [output, diagnostics]
     written += [file for file, asked in ((ahead, prediction.predict is not None), (report_file, report)) if asked]
     read = [tracks, *frames.files(), *([] if forces.acceleration is None else [forces.acceleration])]
-    refuse_overwriting(written, read)
+    check_outputs(written, read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from baryscope import __version__
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
 from baryscope.study.figures import FIGURES, figure_paths, run_paper, write_figures
@@ -33,7 +33,7 @@ def figures(
     show = show or Show()
     flown = load_scenario(scenario)
     folder = output or Path("out") / flown.name / "figures"
-    refuse_overwriting(figure_paths(folder), [scenario_path(scenario)])
+    check_outputs(figure_paths(folder), [scenario_path(scenario)])
     with show.progress() as progress:
         run = run_paper(flown, progress)
         page = write_figures(run, folder, progress)

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting, temporary_folder
+from baryscope.models.files import check_outputs, temporary_folder
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.progress import Progress, stage
 from baryscope.scripts.cli.console import UNTRUSTED, Show
@@ -60,7 +60,7 @@ def fly(
     flown = load_scenario(name) if system is None else None
     folder = output or Path(f"{flown.name if flown else Path(str(system)).stem}-flight")
     read = (system, controller, scenario_path(name))
-    refuse_overwriting(loop_paths(folder), [path for path in read if path is not None])
+    check_outputs(loop_paths(folder), [path for path in read if path is not None])
     with show.progress() as progress:
 
         def flight(archive: Path, progress: Progress | None) -> Loop:

@@ -14,7 +14,7 @@ from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.files import Writer, refuse_overwriting, write_together
+from baryscope.models.files import Writer, check_outputs, write_together
 from baryscope.models.words import counted, length
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_joint
@@ -70,7 +70,7 @@ def find_joint(
         if output.suffix != ".csv":
             raise InputError(f"{output}: expected a name that ends in .csv")
         written = [output, output.with_suffix(".report.html")] if report else [output]
-        refuse_overwriting(written, [tracks])
+        check_outputs(written, [tracks])
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from baryscope import __version__
 from baryscope.estimator.formats import writable
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.models.words import counted
 from baryscope.progress import stage
@@ -39,7 +39,7 @@ def simulate_scenario(
     show = show or Show()
     flown = load_scenario(scenario)
     path = writable(output or Path(f"{flown.name}.csv"))
-    refuse_overwriting(flight_paths(path), [scenario_path(scenario), *([] if fmu is None else [fmu])])
+    check_outputs(flight_paths(path), [scenario_path(scenario), *([] if fmu is None else [fmu])])
     with show.progress() as progress:
         flight = fly(flown, fmu, progress)
         with stage(progress, "writing"):

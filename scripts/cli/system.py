@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from baryscope import __version__
 from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
@@ -45,7 +45,7 @@ def system(
     path = output or Path(f"{flown.name}.ssp")
     if path.suffix != ".ssp":
         raise InputError(f"{path}: ends in {path.suffix!r}, expected .ssp")
-    refuse_overwriting([path], [at for at in (scenario_path(scenario), controller) if at is not None])
+    check_outputs([path], [at for at in (scenario_path(scenario), controller) if at is not None])
     with show.progress() as progress, stage(progress, "building the units") as share:
         build_system(flown, path, controller=controller, platforms=platforms, progress=lambda _, done: share(done))
     last = "controller" if controller is None else f"{controller} as controller"

@@ -12,7 +12,7 @@ from baryscope.estimator.formats import writable, write_tracks
 from baryscope.estimator.images import Tracked, track
 from baryscope.estimator.tables.times import read_times
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting
+from baryscope.models.files import check_outputs
 from baryscope.models.words import counted
 from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
@@ -57,7 +57,7 @@ def track_images(
     """
     show = show or Show()
     path = writable(output)
-    refuse_overwriting([path], [left, right, rig, *([] if times is None else [times])])
+    check_outputs([path], [left, right, rig, *([] if times is None else [times])])
     pair = load_pair(rig)
     if rate is not None and times is not None:
         raise InputError("--rate: found beside --times, expected one of them")

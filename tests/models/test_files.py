@@ -15,8 +15,8 @@ import pytest
 from baryscope.models.errors import DiskError, InputError
 from baryscope.models.files import (
     TemporaryFolder,
+    check_outputs,
     read_text,
-    refuse_overwriting,
     replacing,
     replacing_folder,
     temporary_folder,
@@ -266,11 +266,11 @@ def test_a_file_that_is_read_is_not_written_over_under_any_name(tmp_path, name_o
     (tmp_path / "in.csv").write_text("mine")
     name = name_of(tmp_path)
     with pytest.raises(InputError) as caught:
-        refuse_overwriting([tmp_path / "other.csv", name], [tmp_path / "none.toml", tmp_path / "in.csv"])
+        check_outputs([tmp_path / "other.csv", name], [tmp_path / "none.toml", tmp_path / "in.csv"])
     assert str(caught.value).startswith(f"{name}: would be written over, but is read")
 
 
 def test_other_files_may_be_written(tmp_path):
     (tmp_path / "in.csv").write_text("mine")
     (tmp_path / "there.csv").write_text("older")
-    refuse_overwriting([tmp_path / "there.csv", tmp_path / "not-there.csv"], [tmp_path / "in.csv"])
+    check_outputs([tmp_path / "there.csv", tmp_path / "not-there.csv"], [tmp_path / "in.csv"])

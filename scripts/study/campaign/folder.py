@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, read_text, replacing, unwritable
+from baryscope.models.files import AnyPath, read_text, refuse_file, replacing, unwritable
 from baryscope.study.campaign.plan import Plan
 
 HEADER, RUNS, LOCK = "campaign.json", "runs.jsonl", ".lock"
@@ -32,7 +32,7 @@ def alone_in(folder: AnyPath) -> Iterator[None]:
         InputError: another process is there, or the folder cannot be written.
     """
     folder = Path(folder)
-    _refuse_file(folder)
+    refuse_file(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = (folder / LOCK).open("ab")
@@ -58,11 +58,6 @@ def _free(file: int) -> bool:
     except OSError as error:
         return error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
     return True
-
-
-def _refuse_file(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, expected a folder to write to")
 
 
 def read_plan(folder: AnyPath) -> Plan:
@@ -91,7 +86,7 @@ def begin(folder: AnyPath, plan: Plan, *, restart: bool = False) -> Plan:
         InputError: the runs in the folder are of another plan, or the folder cannot be written.
     """
     folder = Path(folder)
-    _refuse_file(folder)
+    refuse_file(folder)
     runs = folder / RUNS
     if restart:
         runs.unlink(missing_ok=True)

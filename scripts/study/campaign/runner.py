@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from baryscope.models.errors import ComputationError, DiskError
-from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
+from baryscope.models.files import AnyPath, check_outputs, temporary_folder
 from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.progress import Progress, stage
@@ -140,7 +140,7 @@ def report(folder: AnyPath) -> CampaignSummary:
     plan = read_plan(folder)
     summary = CampaignSummary(plan, read_runs(folder, plan))
     if summary.count:
-        refuse_overwriting([folder / name for name in (TABLE, SUMMARY, PAGE)], [folder / HEADER, folder / RUNS])
+        check_outputs([folder / name for name in (TABLE, SUMMARY, PAGE)], [folder / HEADER, folder / RUNS])
         write_runs(summary.runs, folder / TABLE)
         write_summary(summary, folder / SUMMARY)
         write_report(report_of_campaign(summary), folder / PAGE)

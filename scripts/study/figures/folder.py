@@ -4,7 +4,7 @@ from pathlib import Path
 
 from baryscope import __version__
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, replacing
+from baryscope.models.files import AnyPath, refuse_file, replacing
 from baryscope.progress import Progress, stage
 from baryscope.study.figures.listing import FIGURES
 from baryscope.study.figures.run import PaperRun
@@ -20,8 +20,7 @@ def figure_paths(folder: AnyPath) -> tuple[Path, ...]:
         InputError: the folder is a file, or matplotlib is missing.
     """
     folder = Path(folder)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, expected a folder to write to")
+    refuse_file(folder)
     if not pictures_possible():
         raise InputError("the figures need matplotlib, which is not installed: pip install 'baryscope[report]'")
     return (folder / PAGE, *(folder / figure.file for figure in FIGURES))

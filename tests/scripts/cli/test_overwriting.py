@@ -1,4 +1,7 @@
-"""No command writes over a file that it reads, by whatever name: exit code 2, one line, before any work."""
+"""No command writes over a file that it reads, by whatever name, or works for files that cannot be written.
+
+Exit code 2, one line, before any work.
+"""
 
 import os
 from importlib.resources import files
@@ -88,6 +91,43 @@ def test_links(capsys, tmp_path, case, link):
     name = read.with_suffix(".estimate.csv") if written.startswith("{in}") else folder / written
     link(read, name)
     assert_refused(capsys, tmp_path, [part.format(**{"in": read, "folder": folder}) for part in arguments], name)
+
+
+# Commands with nothing above; of what they read none is there, which they would say if they went on to read.
+UNREAD = {
+    "fly": ["fly", "none.ssp", "-o", "{folder}"],
+    "joint": ["joint", "none.csv", "--child", "a,b,c", "-o", "{folder}/joint.csv"],
+    "track": ["track", "none.mp4", "none.avi", "--rig", "none.toml", "-o", "{folder}/tracks.csv"],
+    "system": ["system", "-o", "{folder}/chain.ssp"],
+    "figures": ["figures", "-o", "{folder}"],
+}
+TO_FOLDERS = UNREAD | {case: one[0] for case, one in WRITES.items() if "{folder}" in " ".join(one[0])}
+
+
+@pytest.mark.parametrize("below", ["", "new/newer"])
+@pytest.mark.parametrize("case", TO_FOLDERS)
+def test_a_file_in_the_way_of_a_folder(capsys, tmp_path, case, below):
+    text = WRITES[case][2] if case in WRITES else ""
+    read, blocked = tmp_path / f"mine{ {TRACKS: '.csv', 'PK': '.fmu'}.get(text, '.toml') }", tmp_path / "out"
+    read.write_text(text, encoding="utf-8")
+    blocked.write_text("mine")
+    before = contents(tmp_path)
+    named = {"in": read, "folder": blocked / below}
+    assert app.main([part.format(**named) for part in TO_FOLDERS[case]]) == 2
+    captured = capsys.readouterr()
+    assert captured.err == f"baryscope: {blocked}: is a file, expected a folder to write to\n"
+    assert captured.out == ""
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("case", UNREAD)
+def test_a_folder_that_is_read_only(capsys, tmp_path, monkeypatch, case):
+    """Root may write anywhere, so that the answer of the system is given here."""
+    monkeypatch.setattr("baryscope.models.files.os.access", lambda folder, _: Path(folder) != tmp_path)
+    assert app.main([part.format(folder=tmp_path / "out") for part in UNREAD[case]]) == 2
+    captured = capsys.readouterr()
+    assert f": cannot be written, as {tmp_path} is a folder that is read-only\n" in captured.err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("read, written, text, arguments", [
