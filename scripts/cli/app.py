@@ -4,9 +4,9 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import TextIO
+from typing import Literal, TextIO, get_args, get_origin
 
-from cyclopts import App, CycloptsError, MissingArgumentError
+from cyclopts import App, Argument, CoercionError, CycloptsError, MissingArgumentError, Token, UnusedCliTokensError
 
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
@@ -70,9 +70,9 @@ def _run(arguments: list[str], ending: Ending) -> int:
             app.resolved_commands()  # with what each does, for their list
         code = app(arguments)
         sys.stdout.flush()
-    except MissingArgumentError as error:
-        return _complain(_missing(error), BAD_INPUT)
-    except (InputError, CycloptsError) as error:
+    except CycloptsError as error:
+        return _complain(_words(error), BAD_INPUT)
+    except InputError as error:
         return _complain(error, BAD_INPUT)
     except ComputationError as error:
         return _complain(error, FAILED)
@@ -97,11 +97,23 @@ def _run(arguments: list[str], ending: Ending) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _missing(error: MissingArgumentError) -> str:
-    """What is missing: an option's argument, or all of it, of which cyclopts tells the same."""
-    if error.argument is None or error.keyword is not None or error.unused_tokens:
-        return str(error)
-    return f"{' '.join(error.command_chain or ())}: {error.argument.name} is missing, expected this argument"
+def _words(error: CycloptsError) -> str:
+    """What is wrong with the arguments, in our words where those of cyclopts speak of Python or tell too little."""
+    command = " ".join(error.command_chain or ())
+    match error:
+        case MissingArgumentError(argument=Argument() as argument, keyword=None) if not error.unused_tokens:
+            return f"{command}: {argument.name} is missing, expected this argument"
+        case UnusedCliTokensError(unused_tokens=[first, *_]):
+            return f"{command}: found {first!r} too many, expected quotes around names with blanks, commas within lists"
+        case CoercionError(token=Token(keyword=str() as option, value=found), target_type=kind) if _is_number(kind):
+            words = [f"{word}," for other in get_args(kind) if get_origin(other) is Literal for word in get_args(other)]
+            number = "a whole number" if kind in (int, int | None) else "a number"
+            return f"{option}: found {found!r}, expected {' '.join([*words, 'or ' * bool(words) + number])}"
+    return str(error)
+
+
+def _is_number(kind: object) -> bool:
+    return bool({int, float} & {kind, *get_args(kind)})
 
 
 def _drop_output() -> None:
