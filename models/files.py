@@ -122,17 +122,20 @@ class Folder:
 Writer = Callable[[TextIO], object] | Whole | Folder
 
 
-def write_together(writers: Mapping[Path, Writer]) -> None:
+def write_together(writers: Mapping[Path, Writer | None]) -> None:
     """Write files that belong together: all of them are finished before the first replaces an older one.
 
     Args:
-        writers: for each file, what writes its text to a stream, or the whole file.
+        writers: for each file, what writes its text to a stream, or the whole file; None for one that these do without:
+            one that is there, of an older result, is removed once they are written.
 
     Raises:
         InputError, DiskError: a file cannot be written, as for `replacing`.
     """
     with ExitStack() as stack:
         for path, write in writers.items():
+            if write is None:
+                continue
             if isinstance(write, Folder):
                 write.write(stack.enter_context(replacing_folder(path, write.what, write.marks)))
                 continue
@@ -142,6 +145,11 @@ def write_together(writers: Mapping[Path, Writer]) -> None:
                 continue
             with temporary.open("w", encoding="utf-8", newline="") as stream:
                 write(stream)
+    for path in (one for one, write in writers.items() if write is None):
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise unwritable(path, error) from error
 
 
 class TemporaryFolder:

@@ -21,14 +21,14 @@ STATE = ("x", "y", "z", "vx", "vy", "vz")
 
 
 def write_estimate(
-    result: Estimate, path: AnyPath, prediction: Prediction | None = None, also: Mapping[Path, str] | None = None
+    result: Estimate, path: AnyPath, prediction: Prediction | None = None, also: Mapping[Path, str | None] | None = None
 ) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
 
     A name that ends in .parquet has the same columns in Parquet, and one in .nc or .zarr has
     `Estimate.to_dataset` in NetCDF or Zarr.
     prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
-    or, if one cannot be, not at all.
+    or, if one cannot be, not at all. An older prediction, or file of a text that is None, is removed.
 
     Raises:
         InputError: a file cannot be written, or the two names are one.
@@ -38,12 +38,18 @@ def write_estimate(
     if beside == path:
         raise InputError(f"{path}: this name is kept for the diagnostics, expected another suffix than .json")
     text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
-    writing: dict[Path, Writer] = {path: _path_writer(result, path), beside: lambda stream: stream.write(text + "\n")}
-    if prediction is not None:
-        names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
-        writing[path.with_suffix(".prediction.csv")] = _rows(names, _predicted_columns(prediction))
+    names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
+    writing: dict[Path, Writer | None] = {
+        path: _path_writer(result, path),
+        beside: lambda stream: stream.write(text + "\n"),
+        path.with_suffix(".prediction.csv"): None
+        if prediction is None
+        else _rows(names, _predicted_columns(prediction)),
+    }
     texts = (also or {}).items()
-    write_together(writing | {file: partial(_write_text, content) for file, content in texts})
+    write_together(
+        writing | {file: None if content is None else partial(_write_text, content) for file, content in texts}
+    )
 
 
 def _path_writer(result: Estimate, path: Path) -> Writer:

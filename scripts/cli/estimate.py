@@ -83,8 +83,7 @@ def estimate_file(
     prediction.check(method)
     diagnostics, report_file = output.with_suffix(".json"), output.with_suffix(".report.html")
     ahead = prediction_path(output)
-    written = [output, diagnostics]
-    written += [file for file, asked in ((ahead, prediction.predict is not None), (report_file, report)) if asked]
+    written = [output, diagnostics, ahead, report_file]
     read = [tracks, *frames.files(), *([] if forces.acceleration is None else [forces.acceleration])]
     check_outputs(written, read)
     with show.progress() as progress:
@@ -106,13 +105,12 @@ def estimate_file(
     refused, predicted = (made, None) if isinstance(made, Refused) else (None, made)
     if predicted is not None:
         lines.append(prediction.line(predicted, ahead))
-    pages = {}
+    page = None
     if report:
-        pages[report_file] = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name))
+        page = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name))
         lines.append(f"report, for a browser: {report_file}")
-    write_estimate(result, output, predicted, pages)
+    write_estimate(result, output, predicted, {report_file: page})
     if refused is not None:
-        ahead.unlink(missing_ok=True)  # of an older estimate
         show.warn(f"no prediction: {refused.reason}")
     lines.append(f"more in {diagnostics}")
     document = json.loads(diagnostics.read_text(encoding="utf-8"))

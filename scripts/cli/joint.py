@@ -69,7 +69,7 @@ def find_joint(
     if output is not None:
         if output.suffix != ".csv":
             raise InputError(f"{output}: expected a name that ends in .csv")
-        written = [output, output.with_suffix(".report.html")] if report else [output]
+        written = [output, output.with_suffix(".report.html")]
         check_outputs(written, [tracks])
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
@@ -87,10 +87,11 @@ def find_joint(
                 raise ComputationError(f"{tracks}: {error}", error.reason) from error
     words = _words(found, len(moving.time))
     if written:
-        writers: list[Writer] = [lambda stream: _write_path(found, stream)]
-        if report:
-            page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name))
-            writers.append(lambda stream: stream.write(page))
+        page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name)) if report else ""
+        writers: list[Writer | None] = [
+            lambda stream: _write_path(found, stream),
+            (lambda stream: stream.write(page)) if report else None,
+        ]
         write_together(dict(zip(written, writers, strict=True)))
     markers = marker_sheet(bodies_of(found, ground, moving))
     show.result(_values(found, ground, moving), *words, Table(markers.headings, markers.rows, left=markers.left))

@@ -146,6 +146,31 @@ def test_a_prediction_is_a_file_of_its_own(tracks, tmp_path, capsys):
     np.testing.assert_allclose(values[:, 7:], result.covariance[:, *upper], rtol=1e-6, atol=1e-15)
 
 
+def test_what_an_older_estimate_left_is_removed(tracks, tmp_path):
+    """A prediction and a report of other tracks or options beside a new path would be taken for its own."""
+    command = ["estimate", str(tracks), "--trajectory", "fixed", "-o", str(tmp_path / "e.csv"), "--quiet"]
+    path, diagnostics = tmp_path / "e.csv", tmp_path / "e.json"
+    prediction, report = tmp_path / "e.prediction.csv", tmp_path / "e.report.html"
+
+    def written():
+        return {one for one in (path, diagnostics, prediction, report) if one.exists()}
+
+    assert app.main([*command, "--predict", "5"]) == 0
+    assert written() == {path, diagnostics, prediction, report}
+    assert app.main(command) == 0
+    assert written() == {path, diagnostics, report}
+    assert app.main([*command, "--no-report"]) == 0
+    assert written() == {path, diagnostics}
+
+
+def test_nothing_that_is_read_is_removed(tracks, tmp_path, capsys):
+    read = tmp_path / "e.prediction.csv"
+    read.write_bytes(tracks.read_bytes())
+    assert app.main(["estimate", str(read), "-o", str(tmp_path / "e.csv")]) == 2
+    assert "e.prediction.csv: would be written over, but is read" in capsys.readouterr().err
+    assert read.read_bytes() == tracks.read_bytes()
+
+
 def test_a_point_by_coordinates_and_the_centre_of_mass(tracks, capsys):
     command = ["estimate", str(tracks), "--trajectory", "fixed", "--predict", "10"]
     assert app.main([*command, "--method", "ml", "--point", "0.5,-1,2"]) == 0

@@ -38,6 +38,14 @@ def test_the_centre_is_written_at_every_time(recorded, capsys):
     assert np.sqrt(np.mean((path - centre) ** 2 / variances)) < 2  # of one centre, which three numbers tell
 
 
+def test_a_report_of_an_older_result_is_removed(recorded):
+    command = ["joint", "ball.csv", "--parent", PARENT, "--child", CHILD, "-o", "centre.csv", "-q"]
+    assert app.main(command) == 0
+    assert (recorded / "centre.report.html").exists()
+    assert app.main([*command, "--no-report"]) == 0
+    assert not (recorded / "centre.report.html").exists()
+
+
 def test_the_centre_of_a_hinge_is_told_to_be_unknown_along_its_axis(recorded):
     """Its path was nine digits without a covariance, whoever reads it, decimetres off along the axis."""
     assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD, "-o", "hinge.path.csv", "-q"]) == 0
