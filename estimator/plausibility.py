@@ -29,7 +29,7 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
             f"{source}: no two of the {features} features have a time in common, a time stamp for each feature?, "
             "expected one time for all features of a frame"
         )
-    width = _width(tracks)
+    width = width_of(tracks)
     if width is not None and width > LARGEST:
         raise InputError(
             f"{source}: features about {width:.0f} m apart, in millimetres? (--units mm), expected metres and one body"
@@ -41,7 +41,7 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
         )
 
 
-def _width(tracks: FeatureTracks) -> float | None:
+def width_of(tracks: FeatureTracks) -> float | None:
     """A robust estimate of the extent of the features in a frame, m; None if no frame has two features."""
     shared = np.nonzero(tracks.seen.sum(axis=1) > 1)[0]
     if not shared.size:

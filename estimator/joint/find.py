@@ -9,6 +9,7 @@ from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.joint.ml import maximum_likelihood
 from baryscope.estimator.joint.result import Joint, Method, joint_of
 from baryscope.estimator.joint.score import score
+from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.arguments import instance_of
 from baryscope.models.errors import ComputationError, InputError
@@ -29,14 +30,15 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks, *, method: Method 
         method: ml, maximum likelihood with slack and skin as process noise; score, least squares as published.
 
     Raises:
-        InputError: the times differ, a body is no tracks, or there is no such method.
+        InputError: the times differ, a body is no tracks or cannot be one body in metres, or there is no such method.
         ComputationError: too few frames show three markers of each body, or these do not turn against each other.
     """
     if method not in get_args(Method):
         raise InputError(f"method: found {method!r}, expected one of {', '.join(get_args(Method))}")
-    for name, body in (("parent", parent), ("child", child)):
-        if body is not None or name == "child":
-            instance_of(name, body, FeatureTracks, "as of read_tracks, tracks_of or tracks_of_dataset")
+    bodies = {"child": child} if parent is None else {"parent": parent, "child": child}
+    for name, body in bodies.items():
+        instance_of(name, body, FeatureTracks, "as of read_tracks, tracks_of or tracks_of_dataset")
+        refuse_implausible(body, name)
     pair = Pair.of(parent, child)
     values, vectors = np.linalg.eigh(np.einsum("kij,kil->jl", *[pair.equations[0]] * 2))
     lost = values < UNDETERMINED * values[-1]

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from baryscope import __version__
 from baryscope.estimator.formats import Unit, read_tracks
 from baryscope.estimator.joint import Joint, Method, joint
+from baryscope.estimator.plausibility import refuse_implausible, width_of
 from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
@@ -25,6 +26,7 @@ from baryscope.table import Table
 
 LEAST = 3  # markers of a body
 AXIS_COLUMNS = ("axis_x", "axis_y", "axis_z")  # of a hinge: a unit vector
+WIDE = 20.0  # m; the longest arm with a joint, that of the International Space Station, is shorter
 UNSTEADY = 0.1  # rad, standard deviation of a body's attitudes that is worth a word
 
 
@@ -76,16 +78,17 @@ def find_joint(
             data = read_tracks(tracks, units)
         if child is None:
             raise InputError(f"--child: missing, expected at least {LEAST} of {', '.join(data.labels)}")
-        moving = named_features(data, child, "child", LEAST, "marker")
-        ground = None if parent is None else named_features(data, parent, "parent", LEAST, "marker")
+        moving = named_features(data, child, "--child", LEAST, "marker")
+        ground = None if parent is None else named_features(data, parent, "--parent", LEAST, "marker")
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
-            raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
+            raise InputError(f"--parent and --child: found {both[0]} in both, expected markers of one body each")
+        refuse_implausible(data, str(tracks))
         with stage(progress, "finding the joint"):
             try:
                 found = joint(ground, moving, method=method)
             except ComputationError as error:
                 raise ComputationError(f"{tracks}: {error}", error.reason) from error
-    words = _words(found, len(moving.time))
+    words = [*_words(found, len(moving.time)), *_doubted_unit(ground, moving)]
     if written:
         page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name)) if report else ""
         writers: list[Writer | None] = [
@@ -167,6 +170,14 @@ def _words(found: Joint, frames: int) -> list[str]:
             f"{'is' if left_out == 1 else 'are'} left out"
         )
     return lines
+
+
+def _doubted_unit(*bodies: FeatureTracks | None) -> list[str]:
+    """What to say of a body that is wider than any with a joint, in a line."""
+    widest = max(width_of(body) or 0.0 for body in bodies if body is not None)
+    if widest < WIDE:
+        return []
+    return [f"  a body's markers are about {widest:.0f} m apart: in millimetres? Then --units mm"]
 
 
 def _vector(values: FloatArray) -> str:

@@ -46,6 +46,19 @@ def test_a_report_of_an_older_result_is_removed(recorded):
     assert not (recorded / "centre.report.html").exists()
 
 
+def test_lengths_in_another_unit_are_told(recorded, capsys):
+    """Markers 0.1 m and more from their centre: 100 m and more if millimetres pass for metres, refused from 2 km on."""
+    tracks = both_bodies(1)
+    command = ["--parent", PARENT, "--child", CHILD, "-q"]
+    for scale, code, told in ((1.0, 0, False), (1e3, 0, True), (1e6, 2, True)):
+        FeatureTracks(tracks.time, scale * tracks.position, tracks.labels).write_csv("scaled.csv")
+        assert app.main(["joint", "scaled.csv", *command]) == code
+        captured = capsys.readouterr()
+        assert ("m apart" in captured.out + captured.err) == told
+        assert ("--units mm" in captured.out + captured.err) == told
+    assert captured.err.startswith("baryscope: scaled.csv: features about ")
+
+
 def test_the_centre_of_a_hinge_is_told_to_be_unknown_along_its_axis(recorded):
     """Its path was nine digits without a covariance, whoever reads it, decimetres off along the axis."""
     assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD, "-o", "hinge.path.csv", "-q"]) == 0
@@ -141,10 +154,10 @@ def test_markers_too_near_to_a_line_are_told(recorded, capsys):
 
 @pytest.mark.parametrize("arguments, words", [
     ([], "--child: missing, expected at least 3 of pa, pb, pc, pd, ca, cb, cc, cd"),
-    (["--child", "ca,cb,xx"], "child: found 'xx', expected some of pa, pb"),
-    (["--child", "ca,cb"], "child: found 2 markers, expected at least 3"),
-    (["--child", "ca,cb,cb"], "child: found 'cb' twice"),
-    (["--child", CHILD, "--parent", "ca,pb,pc"], "parent and child: found ca in both"),
+    (["--child", "ca,cb,xx"], "--child: found 'xx', expected some of pa, pb"),
+    (["--child", "ca,cb"], "--child: found 2 markers, expected at least 3"),
+    (["--child", "ca,cb,cb"], "--child: found 'cb' twice"),
+    (["--child", CHILD, "--parent", "ca,pb,pc"], "--parent and --child: found ca in both"),
     (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv"),
 ])  # fmt: skip
 def test_wrong_markers_are_one_line(recorded, capsys, arguments, words):
