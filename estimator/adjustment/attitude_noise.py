@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.alignment import align
@@ -58,7 +58,7 @@ class _AttitudeSeries:
     ) -> "_AttitudeSeries":
         """That of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
-        own_shifts = None if shifts is None else shifts.frames(body.frames)
+        own_shifts = shifts_in(shifts, body.frames)
         information = attitude_information(own, body.attitude, body.points, own_shifts)
         passed = (time[body.frames] - time[0]) / sampling_interval(time)
         return cls(passed, body.attitude, attitude_covariances(information, variance))

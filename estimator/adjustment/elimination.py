@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -147,7 +147,7 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
-        shifts = None if frames.shifts is None else frames.shifts.frames(index)
+        shifts = shifts_in(frames.shifts, index)
         R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shifts)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()

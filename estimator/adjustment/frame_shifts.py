@@ -38,14 +38,6 @@ class FrameShifts:
         covariance = slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)
         return cls(covariance / variance, lasting)
 
-    def frames(self, index: IntArray | slice) -> "FrameShifts":
-        """Those of some frames."""
-        return replace(self, covariance=self.covariance[index])
-
-    def averaged(self, count: FloatArray) -> "FrameShifts":
-        """Those of frames that stand for so many each, (n,)."""
-        return replace(self, covariance=self.covariance / count[:, None, None])
-
     def in_body(self, attitude: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) in B of attitudes (n, 3, 3) R_C_B, for a frame by itself."""
         return np.asarray(np.swapaxes(attitude, 1, 2) @ self.covariance @ attitude)
@@ -53,3 +45,13 @@ class FrameShifts:
     def among_all(self, attitude: FloatArray) -> FloatArray:
         """The same in what all frames tell together."""
         return self.in_body(attitude) / self.lasting
+
+
+def shifts_in(
+    shifts: FrameShifts | None, index: IntArray | slice, count: FloatArray | None = None
+) -> FrameShifts | None:
+    """The shifts of some frames, if there are any shifts; count (k,): how many frames each of these stands for."""
+    if shifts is None:
+        return None
+    covariance = shifts.covariance[index]
+    return replace(shifts, covariance=covariance if count is None else covariance / count[:, None, None])

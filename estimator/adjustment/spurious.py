@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -270,8 +270,8 @@ class NoisyAttitudes:
             observations.frames(frames).features(body.features), attitude, origin[frames], body.points
         )
         (known, _), of_turn = found.shift_alone(), found.turn
-        if shifts is not None:
-            own = shifts.frames(frames)
+        own = shifts_in(shifts, frames)
+        if own is not None:
             known, of_turn = inverted_sums(known, own.among_all(attitude)), found.turn_alone(own.in_body(attitude))
         covariance = attitude_covariances(of_turn, variance)
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
@@ -167,9 +167,7 @@ def _poses(
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
         own = observations.features(body.features).frames(frames)
-        information = attitude_information(
-            own, attitude, body.points, None if shifts is None else shifts.frames(frames)
-        )
+        information = attitude_information(own, attitude, body.points, shifts_in(shifts, frames))
         parts.append((time[frames], attitude, np.full(len(frames), index), information / variance))
     order = np.argsort(np.concatenate([part[0] for part in parts]), kind="stable")
     columns = [np.concatenate(values)[order] for values in zip(*parts, strict=True)]

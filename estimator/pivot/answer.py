@@ -13,6 +13,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
+from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
@@ -108,7 +109,7 @@ def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: Shar
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
-    shifts = None if found.shifts is None else found.shifts.frames(body.frames)
+    shifts = shifts_in(found.shifts, body.frames)
     information = attitude_information(own, body.attitude, body.points, shifts)
     attitude_covariance[body.frames] = attitude_covariances(information, found.frame_variance)
     if errors is not None:

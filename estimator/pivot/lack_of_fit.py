@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
+from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -109,7 +110,7 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
     position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
     extended = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
-    shifts = None if found.shifts is None else found.shifts.frames(rows)
+    shifts = shifts_in(found.shifts, rows)
     with_cubic, without = (
         gauss_newton_step(subsample.bodies, few, extended, start, shifts),
         gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shifts),

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import held
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import RANK
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
@@ -125,7 +125,7 @@ class _SubsampledSolution:
         """Those of a solution."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()
-        shifts = None if found.shifts is None else found.shifts.frames(few.rows).averaged(count)
+        shifts = shifts_in(found.shifts, few.rows, count)
         path = found.sampled.frames_at(few.rows)
         return cls(found, wide, _Place(few.bodies, found.solution.x), observations, path, shifts)
 

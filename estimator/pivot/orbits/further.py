@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood
+from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.pivot.found import Pivot
@@ -37,6 +38,6 @@ class FurtherUnknowns:
         observations, count = few.standing_for_all()
         alone, added = found.sampled.frames_at(few.rows), columns(few.rows)
         path, at = alone.extended(added), np.concatenate([found.solution.x, np.zeros(added.shape[2])])
-        shifts = None if found.shifts is None else found.shifts.frames(few.rows).averaged(count)
+        shifts = shifts_in(found.shifts, few.rows, count)
         problem = linearised(few.bodies, observations, path, at, shifts, found.offset_information)
         return cls(alone, path, scaled(problem, found.variance), at)
