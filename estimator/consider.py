@@ -19,13 +19,14 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 
 FloatArray = NDArray[np.float64]
 
-ESTIMATING = ("pivot", "ml")  # the methods that have these errors among their unknowns
-
 
 def considered(result: Estimate, tracks: FeatureTracks) -> Estimate:
-    """The result of tracks, wider by the errors of their camera, which stand among its factors with their prior."""
+    """The result of a method that has the errors of the tracks' camera not among its unknowns, wider by them.
+
+    They stand among its factors with their prior.
+    """
     errors = errors_of(tracks)
-    if errors is None or result.method in ESTIMATING:
+    if errors is None:
         return result
     named = named_factors(errors.names, errors.units, np.zeros_like(errors.deviations), errors.deviations)
     result = replace(result, forces=result.forces + named)

@@ -29,12 +29,19 @@ from baryscope.models.orbit import Orbit
 
 @dataclass(frozen=True)
 class Method:
-    """A method: its name on the command line, a summary in one line, the type of its options, and its function."""
+    """A method: its name on the command line, a summary in one line, the type of its options, and its function.
+
+    predicts: its results tell the centre of mass at other times; tumble: it estimates a free tumble, and so predicts
+    points of the body, too; camera_errors: it estimates them beside the path, so that its covariance has them.
+    """
 
     name: str
     summary: str
     options: type[Options]
     run: Callable[[FeatureTracks, Orbit | None, Any, Progress], Estimate]
+    predicts: bool = False
+    tumble: bool = False
+    camera_errors: bool = False
 
     def __call__(
         self,
@@ -53,7 +60,7 @@ class Method:
             return self.run(own, orbit, told, progress)
 
         found = with_noise_as_shown(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
-        found = claimed(considered(found, tracks), tracks)
+        found = claimed(found if self.camera_errors else considered(found, tracks), tracks)
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))
 
@@ -82,25 +89,40 @@ METHODS: dict[str, Method] = {
             "drifting pivot: least squares of path and points, attitudes free",
             PathOptions,
             _at_once(estimate_by_pivot),
+            predicts=True,
+            camera_errors=True,
         ),
         Method(
             "ml",
             "maximum a posteriori: path, points and free tumble at once, weak prior on inertia and path",
             PathOptions,
             estimate_by_likelihood,
+            predicts=True,
+            tumble=True,
+            camera_errors=True,
         ),
-        Method("ekf", "iterated extended Kalman filter, tuned and smoothed", PathOptions, estimate_by_filter),
+        Method(
+            "ekf",
+            "iterated extended Kalman filter, tuned and smoothed",
+            PathOptions,
+            estimate_by_filter,
+            predicts=True,
+            tumble=True,
+        ),
         Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, _at_once(estimate_by_score)),
     )
 }
 """All methods by their names on the command line, in the order of its tables."""
 
 
-PREDICTING = ("pivot", "ml", "ekf")
+PREDICTING = tuple(name for name, method in METHODS.items() if method.predicts)
 """The methods whose results predict the centre of mass at other times, see `Estimate.predict`."""
 
-TURNING = ("ml", "ekf")
-"""Those that predict points of the body, too."""
+TURNING = tuple(name for name, method in METHODS.items() if method.tumble)
+"""Those that predict points of the body, too, by its tumble; the others leave the attitudes free."""
+
+CLAIMING = tuple(name for name, method in METHODS.items() if method.options is PathOptions)
+"""Those whose results have a covariance."""
 
 
 @dataclass(frozen=True)

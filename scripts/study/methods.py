@@ -40,10 +40,5 @@ def axes_of(label: str) -> str | None:
     return "inertial" if options is None else options.axes
 
 
-COLOURS = {
-    label: number
-    for number, label in enumerate(
-        ("screw-raw", "screw-ls", "screw-gpa", "screw-gpa-lvlh", "pivot", "ml", "ekf", "score")
-    )
-}
+COLOURS = {label: number for number, label in enumerate(labels_of(tuple(METHODS)))}
 """For each label its place in the palette of pictures and reports, the same in all of them."""

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.methods import METHODS, estimate
+from baryscope.estimator.methods import CLAIMING, METHODS, PREDICTING, TURNING, estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import verdict
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError
 from free_paths import (
     BOTH,
     CLUSTERS,
@@ -49,6 +49,21 @@ def test_exact_without_noise(method, path):
         members = [case.tracks.labels.index(label) for label in cluster.labels]
         centroid = TEN[members].mean(axis=0)
         assert np.linalg.norm(cluster.centre_of_mass) == pytest.approx(np.linalg.norm(centroid), abs=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_method_gives_what_the_list_says(method):
+    """A covariance, predictions of the centre of mass, and those of points, or none of them."""
+    time, R = turning(120)
+    case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=1)
+    found = estimate(case.tracks, method=method)
+    assert (found.covariance is not None) == (method in CLAIMING)
+    for point, able in ((None, PREDICTING), (case.tracks.labels[0], TURNING)):
+        if method in able:
+            assert np.isfinite(found.predict([time[-1] + 1.0], point).position).all()
+        else:
+            with pytest.raises((InputError, ComputationError), match=r"predict|attitude"):
+                found.predict([time[-1] + 1.0], point)
 
 
 @pytest.mark.parametrize("path", PATHS)

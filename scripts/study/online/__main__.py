@@ -9,6 +9,7 @@ import sys  # noqa: E402
 from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+from baryscope.estimator.methods import PREDICTING  # noqa: E402
 from baryscope.models.errors import InputError  # noqa: E402
 from baryscope.study.online.endurance import endured, hours_table  # noqa: E402
 from baryscope.study.online.flights import SUITES  # noqa: E402
@@ -26,7 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
     runner.add_argument("--draws", type=command.natural, default=100)
     runner.add_argument("--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE")
     runner.add_argument(
-        "--beside", nargs="+", default=[], choices=("pivot", "ml", "ekf"), metavar="METHOD", help="from the same frames"
+        "--beside", nargs="+", default=[], choices=PREDICTING, metavar="METHOD", help="from the same frames"
     )
     runner.add_argument("--workers", type=command.positive, default=1)
     runner.add_argument("--limit", type=float, default=120.0, help="s for a draw, then its process is killed")

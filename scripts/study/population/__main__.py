@@ -11,6 +11,7 @@ from collections.abc import Iterator  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from baryscope.estimator import METHODS, Estimate  # noqa: E402
+from baryscope.estimator.methods import CLAIMING  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
 from baryscope.study.population.ahead import predicted  # noqa: E402
 from baryscope.study.population.interface import Drawn  # noqa: E402
@@ -19,7 +20,6 @@ from baryscope.study.population.populations import FIRST, POPULATIONS  # noqa: E
 from baryscope.study.population.report import by_status, draws, failing, predictions, refusals, table  # noqa: E402
 from baryscope.study.population.running import Line  # noqa: E402
 
-USUAL = ("pivot", "ml", "ekf", "score")
 BOTH = (True, False)  # with the orbit, and without
 
 
@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
     """The command: 0 if it could do what it is asked for."""
     parser = argparse.ArgumentParser(prog="python -m baryscope.study.population", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    runner = command.add_run(commands, "cases", METHODS, USUAL, 60.0)
+    runner = command.add_run(commands, "cases", METHODS, CLAIMING, 60.0)
     _add_population(runner)
     runner.add_argument("--cases", type=command.natural, default=200)
     runner.add_argument("--first", type=command.natural, default=0, help="index of the first case")

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from baryscope.estimator.methods import TURNING
 from baryscope.study.population.ahead import CENTRE, FEATURE, WHEN, missed, misses
 from baryscope.study.population.judging import CRASHED, wrong
 from baryscope.study.population.running import Line
@@ -13,7 +14,6 @@ from baryscope.table import Table
 
 SLOW = 5.0  # s
 CLEAR = 0.25  # bound over the features' radius, below which a refusal needs a reason
-FREE = ("pivot", "score")  # methods that leave the attitudes free
 
 
 def table(lines: Sequence[Line]) -> Table:
@@ -109,7 +109,7 @@ def _share(part: int, whole: int) -> str:
 
 def bound_of(line: Line) -> float | None:
     """The bound of the path's rms error for what the method knows, m; None where there is none."""
-    name = ("free" if line["method"] in FREE else "tumble") + (" orbit" if line["orbit"] else "")
+    name = ("tumble" if line["method"] in TURNING else "free") + (" orbit" if line["orbit"] else "")
     bound: float | None = line.get("bounds", {}).get(name)
     return bound
 

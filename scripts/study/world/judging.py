@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator import Failure, PathOptions, attempt
+from baryscope.estimator.methods import TURNING
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 from baryscope.study.population.information import Watched, rms, unknowns_bound
@@ -71,7 +72,7 @@ def judged(name: str, seed: int, draw: int, method: str) -> Line:
             line |= {"failure": "input error", "message": str(error)}
         except Exception as error:
             line |= {"failure": "crashed", "message": f"{type(error).__name__}: {error}"}
-    free = method.startswith(("pivot", "score", PEER)) or "tumble" not in bounds
+    free = method.removesuffix(TOLD) not in TURNING or "tumble" not in bounds
     kind = "free" if free else "tumble"
     if method.endswith(TOLD):
         line["told_bound"] = bounds[kind + TOLD]
