@@ -247,7 +247,7 @@ ORBITS = [
     pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 0\ninclination_deg = 98\n[chaser]",
                  "holds a scenario, expected an orbit: its table [orbit], alone in a file", id="scenario-for-an-orbit"),
     pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 0\ninclination_deg = 98\n[sensor]",
-                 "sensor: unknown field, expected one of orbit", id="more-than-an-orbit"),
+                 "sensor: unknown field, expected orbit", id="more-than-an-orbit"),
 ]  # fmt: skip
 
 # ---- tracks ----

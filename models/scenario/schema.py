@@ -298,7 +298,7 @@ def _hint(location: Sequence[int | str], model: type[BaseModel]) -> str:
     same = [key for key in known if stem in (key, key.removesuffix("_deg"))]
     close = same or get_close_matches(name, list(known), n=1)
     if not close:
-        return f", expected one of {', '.join(known)}"
+        return f", expected {'one of ' if len(known) > 1 else ''}{', '.join(known)}"
     unit = _unit_of(known[close[0]])
     return f", expected {close[0]}{f' in {unit}' if unit else ''}"
 
