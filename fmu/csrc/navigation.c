@@ -9,6 +9,21 @@
 
 /* ---- by what commands have moved the chaser ---- */
 
+/* What has moved it, (r, v), goes on between two times, and so does what an acceleration a in C, m/s2, adds: see `displace`. */
+static void displacement_by(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6])
+{
+    double any = 0.0;
+    for (int k = 0; k < 6; k++) any += fabs(moved[k]) + fabs(a[k % 3]);
+    if (any == 0.0) return;
+    const int count = steps_between(options, begin, end);
+    const double T = (end - begin) / count;
+    for (int s = 0; s < count; s++) {
+        double F[6][6], x[6] = {0.0}, start = begin + s * T;
+        propagate(options, start, s + 1 < count ? start + T : end, x, F);
+        displace(T, F, a, moved);
+    }
+}
+
 /* Until a time in the interval that ends at `now`, since its beginning: the cubic that fits what is known at both. */
 static void moved_within(const Past *now, double time, double moved[6])
 {

@@ -72,20 +72,6 @@ static void displace(double T, const double F[6][6], const double a[3], double m
     }
 }
 
-/* The same between two times. */
-static void displacement_by(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6]) {
-    double any = 0.0;
-    for (int k = 0; k < 6; k++) any += fabs(moved[k]) + fabs(a[k % 3]);
-    if (any == 0.0) return;
-    int count = steps_between(options, begin, end);
-    double T = (end - begin) / count;
-    for (int s = 0; s < count; s++) {
-        double F[6][6], x[6] = {0.0}, start = begin + s * T;
-        propagate(options, start, s + 1 < count ? start + T : end, x, F);
-        displace(T, F, a, moved);
-    }
-}
-
 /* The transition from the time of the covariances on. */
 static Transition transition_since(const Online *filter) {
     Transition transition = filter->transition;
