@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
-from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn
+from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn, UnknownPush
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
@@ -124,8 +124,8 @@ def test_a_path_at_rest_is_as_well_known_beyond():
 
 
 def test_an_orbit_that_lacks_a_force_is_not_trusted_far_beyond():
-    """3e-7 m/s² that nothing tells: 4.8 m off at the first time, at a claim of 1.6 m. In view all the time, it is only
-    named.
+    """3e-7 m/s² that nothing tells: 4.8 m off at the first time, at a claim of 1.6 m. In view all the time, it is an
+    unknown.
     """
     force = 3e-7 * np.array([0.6, -0.64, 0.48])
     com = of_orbit() + 0.5 * force * (TIME[:, None] - 3000.0) ** 2
@@ -135,7 +135,7 @@ def test_an_orbit_that_lacks_a_force_is_not_trusted_far_beyond():
     assert any(isinstance(one, Departure) for one in found.findings)
     throughout, none = findings(tracks_of(com, (0.0, 6000.0)), orbit=ORBIT.model())
     assert none == []
-    assert any(isinstance(one, Departure) for one in throughout.findings)
+    assert any(isinstance(one, UnknownPush) for one in throughout.findings)
     assert throughout.status is Status.GOOD
 
 
