@@ -142,9 +142,9 @@ def _widening(result: Estimate) -> Widening:
     """What the misfits of an estimate show that its covariance leaves out.
 
     The factor is the residuals' variance over the given one, unless that is named as wrong, or by how much clusters
-    disagree, if that is more. Residuals that a model
-    makes greater by a ratio have 1 − ratio⁻² of their mean square from its misfit; of a displacement the variance
-    along each axis is a third of the square. The speed is that of a wave of one period over the tracks.
+    disagree, if that is more. Residuals that a model makes greater by a ratio have 1 − ratio⁻² of their mean square
+    from its misfit; of a displacement the variance along each axis is a third of the square. The speed is that of a
+    wave of one period over the tracks.
     """
     noise, variance = result.noise, 0.0
     told = None if any(isinstance(one, WrongSigma) for one in result.findings) else noise.a_priori

@@ -71,18 +71,18 @@ def estimate_by_filter(
     found: Passes | None = None
 
     @cache
-    def solved() -> PivotProblem:
+    def whole() -> PivotProblem:
         return PivotProblem.of(tracks, orbit, options)
 
     try:
-        found = _filtered(tracks, orbit, options, solved, progress)
+        found = _filtered(tracks, orbit, options, whole, progress)
         if found.converged:
             answer = answer_of(found, begin)
-            return replace(answer, findings=answer.findings + _findings_on_orbit(found.problem.path, orbit, solved))
+            return replace(answer, findings=answer.findings + _findings_on_orbit(found.problem.path, orbit, whole))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
-    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(tracks, options, solved, begin)
+    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(tracks, options, whole, begin)
     if free is not None and (found is None or free.converged):
         return replace(free, method="ekf", findings=(*free.findings, FreeAttitudes(str(failure))))
     if found is None:
@@ -91,11 +91,11 @@ def estimate_by_filter(
 
 
 def _with_free_attitudes(
-    tracks: FeatureTracks, options: PathOptions, solved: Callable[[], PivotProblem], begin: float
+    tracks: FeatureTracks, options: PathOptions, whole: Callable[[], PivotProblem], begin: float
 ) -> Estimate | None:
     """The estimate of `pivot`; None if there is none."""
     try:
-        return estimate_of(solved().solved, tracks, options, begin)
+        return estimate_of(whole().solved, tracks, options, begin)
     except ComputationError:
         return None
 

@@ -76,7 +76,10 @@ static void weigh_members(Online *filter) {
     const int count = count_of(filter), bent = filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY;
     refresh(filter, 0, DENSITIES, highest);
     refresh(filter, DENSITIES, bent, highest);
-    if (count > bent) refresh(filter, bent, bent + WANDERS, highest), refresh(filter, bent + WANDERS, count, highest);
+    if (count > bent) {
+        refresh(filter, bent, bent + WANDERS, highest);
+        refresh(filter, bent + WANDERS, count, highest);
+    }
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;

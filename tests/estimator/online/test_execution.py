@@ -53,7 +53,7 @@ def executed(request):
 
 
 def test_claims_are_true_where_each_push_has_an_error_of_its_own(executed):
-    """They were process noise of one density, whether there were pushes or not: NEES was 7 amid pushes of 0.7 %."""
+    """They were process noise of one density, whether there were pushes or not: claims amid pushes were too small."""
     assert (executed[1].mean(axis=0) < chi2.ppf(0.999, 3 * DRAWS) / DRAWS).all()
 
 
