@@ -7,6 +7,10 @@ k the pair's own. The likelihood is that of Student's distribution, in which out
 over the k is sought with ρ. As pairs share features, and frames that follow one another may share errors, the ratio of
 the likelihoods with ρ and without counts for as much less as the derivatives by ρ, summed over blocks of frames,
 scatter more than they would if all distances were independent (Chandler and Bate 2007, Biometrika 94).
+
+Features that stay in a plane across the line of sight, as three of a target that turns about it, have distances of
+which depths are no part. Where distances do not tell, the features' own places do, if the frames follow one another so
+closely that a cubic polynomial is what moves in five of them: what is left, a fourth divided difference, is noise.
 """
 
 from dataclasses import dataclass
@@ -18,6 +22,7 @@ from baryscope.estimator.registration.screening import distances_between
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 SAMPLE = 600  # frames that are looked at, at most
 MOST_PAIRS = 40  # of features, whose distances are looked at
@@ -28,6 +33,11 @@ GREATEST = 8.0  # |ln ρ²|, at which it is no longer sought
 BLOCKS, LEAST_BLOCKS = 24, 6  # of the frames: their sums tell how errors depend on those of frames nearby
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
 RATIO = 1.25  # ρ, below which it is no matter
+TELLING = 1.5  # ρ: distances that would not show one as great do not tell it
+DIFFERENCE, NOISE = (
+    5,
+    -0.6,
+)  # frames of a divided difference, and the correlation with the next, up to which it is noise
 ROUNDING, BODY = 1e-9, 0.1  # of a typical distance: what is less is no noise, what is more changes it
 
 
@@ -61,41 +71,41 @@ class DepthRatio:
         return np.asarray(across * np.eye(3) + (along - across) * outer)
 
 
-def depth_ratio(position: FloatArray, seen: BoolArray) -> DepthRatio | None:
-    """How much noisier, or better, depths are, of positions (n, m, 3) in C, m; None if it is no matter, or chance.
+def depth_ratio(time: FloatArray, position: FloatArray, seen: BoolArray) -> DepthRatio | None:
+    """How much noisier, or better, depths are, of positions (n, m, 3) in C, m, at time (n,), s; None if it is no
+    matter, or chance.
 
     seen (n, m). The rig is at the origin of C.
     """
     rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
-    pairs, blocks = _Pairs.of(position[rows], seen[rows]), min(BLOCKS, len(rows) // 2)
-    if not pairs.off.size or blocks < LEAST_BLOCKS:
+    lengths, blocks = _Lengths.of_pairs(position[rows], seen[rows]), min(BLOCKS, len(rows) // 2)
+    if not lengths.off.size or blocks < LEAST_BLOCKS:
         return None
-    fits = [_Fit.of(pairs, of_rig=of_rig) for of_rig in (False, True)]
-    best = max(fits, key=lambda fit: fit.likelihood)
-    if not 2 * np.log(RATIO) <= abs(best.log_ratio) < GREATEST:
-        return None
-    of_rig = best is fits[1]
-    equal = _Fit.of(pairs, of_rig=of_rig, free=False)
-    gained = 2 * (best.likelihood - equal.likelihood) / max(1.0, equal.dependence(blocks))
-    return None if gained < CHANCE**2 else DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, pairs.distance)
+    found = _Ratio.of(lengths, blocks)
+    if found.tells or found.shown is not None:
+        return found.shown
+    differences = _Lengths.of_differences(time, position, seen, lengths.distance)
+    return None if differences is None else _Ratio.of(differences, blocks).shown
 
 
 @dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Pairs of features: by how much their distances are off the typical ones, (n, k), m, where both are seen, (n, k).
+class _Lengths:
+    """Lengths: by how much they are off the typical ones, (n, k), m, where they are seen, (n, k).
 
-    along (n, k): squared cosines with the line of sight; range_squared (n, k), over that of the mean `distance`, m.
+    along (n, k): squared cosines with the line of sight; range_squared (n, k), over that of the mean `distance`, m;
+    alike (k,): the index of those whose deviation is the same but for these.
     """
 
     off: FloatArray
-    both: BoolArray
+    seen: BoolArray
     along: FloatArray
     range_squared: FloatArray
     distance: float
+    alike: IntArray
 
     @classmethod
-    def of(cls, position: FloatArray, seen: BoolArray) -> "_Pairs":
-        """Those of positions (n, m, 3) in C, m, whose distances are noisy, but not as much as the body is large."""
+    def of_pairs(cls, position: FloatArray, seen: BoolArray) -> "_Lengths":
+        """Distances in positions (n, m, 3) in C, m, that are noisy, but not as much as the body is large."""
         distances = distances_between(position, seen)
         few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
         off, typical = distances.off[:, few], distances.typical[few]
@@ -110,7 +120,91 @@ class _Pairs:
         size = np.maximum(np.linalg.norm(apart, axis=2) * away, 1e-300)
         along = (np.einsum("nki,nki->nk", apart, middle) / size) ** 2
         mean = float(away[both].mean()) if both.any() else 1.0
-        return cls(off, both, along, np.where(both, away / mean, 1.0) ** 2, mean)
+        return cls(off, both, along, np.where(both, away / mean, 1.0) ** 2, mean, np.arange(off.shape[1]))
+
+    @classmethod
+    def of_differences(
+        cls, time: FloatArray, position: FloatArray, seen: BoolArray, distance: float
+    ) -> "_Lengths | None":
+        """Fourth divided differences of positions (n, m, 3) in C, m, along the line of sight and two axes across it;
+        None if they are no noise.
+
+        Those of white noise that follow one another have a correlation of −0.8, those of a motion nearly 1.
+        """
+        begins, follows = _windows(time)
+        window = begins[:, None] + np.arange(DIFFERENCE)
+        apart = time[window][:, :, None] - time[window][:, None, :] + np.eye(DIFFERENCE)
+        factor = 1 / np.prod(apart / apart.max(axis=(1, 2))[:, None, None], axis=2)
+        factor /= np.linalg.norm(factor, axis=1)[:, None]
+        known, place = seen[window].all(axis=1), position[begins + DIFFERENCE // 2]
+        if not known.any():
+            return None
+        sight = np.where(known[..., None], place, place[known].mean(axis=0))
+        away = np.linalg.norm(sight, axis=2, keepdims=True)
+        off = np.einsum("nw,nwmi->nmi", factor, np.where(known[:, None, :, None], position[window], 0.0))
+        off = np.einsum("nmai,nmi->nma", _axes(sight / away), off)
+        both = follows[:, None] & known[:-1] & known[1:]
+        products, squares = (np.sum(off[:-1][both] * one[both]) for one in (off[1:], off[:-1]))
+        if not products < NOISE * squares:
+            return None
+        kept = np.flatnonzero(known.any(axis=0))
+        growth = (away[:, kept, 0] / distance) ** 2
+        return cls(
+            off=off[:, kept].reshape(len(off), -1),
+            seen=np.repeat(known[:, kept], 3, axis=1),
+            along=np.tile(np.eye(3)[0], (len(off), len(kept))),
+            range_squared=np.repeat(growth, 3, axis=1),
+            distance=distance,
+            alike=np.repeat(np.arange(len(kept)), 3),
+        )
+
+    def summed(self, values: FloatArray) -> FloatArray:
+        """The sum of values (n, k) over frames and all columns that are alike, for each column (k,)."""
+        return np.asarray(np.bincount(self.alike, values.sum(axis=0))[self.alike])
+
+
+def _windows(time: FloatArray) -> tuple[IntArray, BoolArray]:
+    """Where frames begin that are looked at together (w,), in blocks that are spread over the time (n,), s; and whether
+    the next ones begin a frame later (w − 1,). None are further apart than twice what most are.
+    """
+    count = len(time) - DIFFERENCE + 1
+    each = max(SAMPLE // BLOCKS, 1)
+    begins = np.arange(count)
+    if count > SAMPLE:
+        begins = (np.linspace(0, count - each, BLOCKS).astype(int)[:, None] + np.arange(each)).ravel()
+    length = time[begins + DIFFERENCE - 1] - time[begins]
+    begins = begins[length <= 2 * np.median(length)]
+    return begins, np.diff(begins) == 1
+
+
+def _axes(sight: FloatArray) -> FloatArray:
+    """Axes (n, m, 3, 3) of which the first is a direction (n, m, 3), and the others change with it steadily."""
+    other = np.eye(3)[np.argmin(np.abs(sight.mean(axis=(0, 1))))]
+    across = np.cross(sight, other)
+    across /= np.linalg.norm(across, axis=2, keepdims=True)
+    return np.stack([sight, across, np.cross(sight, across)], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ratio:
+    """What lengths tell of the ratio: `shown` unless it is chance; tells: whether one of TELLING would have shown."""
+
+    shown: DepthRatio | None
+    tells: bool
+
+    @classmethod
+    def of(cls, lengths: _Lengths, blocks: int) -> "_Ratio":
+        """That of lengths in so many blocks of frames."""
+        fits = [_Fit.of(lengths, of_rig=of_rig) for of_rig in (False, True)]
+        best = max(fits, key=lambda fit: fit.likelihood)
+        of_rig = best is fits[1]
+        equal = _Fit.of(lengths, of_rig=of_rig, free=False)
+        dependence = max(1.0, equal.dependence(blocks))
+        tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
+        matters = 2 * np.log(RATIO) <= abs(best.log_ratio) < GREATEST
+        if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < CHANCE**2:
+            return cls(None, tells)
+        return cls(DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, lengths.distance), tells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,20 +221,20 @@ class _Fit:
     information: float
 
     @classmethod
-    def of(cls, pairs: _Pairs, *, of_rig: bool, free: bool = True) -> "_Fit":
-        """That of pairs with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
-        off, both, growth = pairs.off, pairs.both, pairs.range_squared if of_rig else 1.0
-        across, along = (1 - pairs.along) * growth, pairs.along * growth**2
-        count, log_ratio = both.sum(axis=0), 0.0
-        scale, mean = (off**2).sum(axis=0) / count, np.zeros(off.shape[1])
+    def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
+        """That of lengths with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
+        off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
+        across, along = (1 - lengths.along) * growth, lengths.along * growth**2
+        count, log_ratio = lengths.summed(seen.astype(np.float64)), 0.0
+        scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
         for _ in range(ROUNDS):
-            shape = np.where(both, across + np.exp(log_ratio) * along, 1.0)
+            shape = np.where(seen, across + np.exp(log_ratio) * along, 1.0)
             square = (off - mean) ** 2
-            weight = np.where(both, (DOF + 1) / (DOF + square / (scale * shape)), 0.0)
-            before, scale = scale, np.maximum((weight * square / shape).sum(axis=0) / count, 1e-300)
+            weight = np.where(seen, (DOF + 1) / (DOF + square / (scale * shape)), 0.0)
+            before, scale = scale, np.maximum(lengths.summed(weight * square / shape) / count, 1e-300)
             mean = (weight * off / shape).sum(axis=0) / (weight / shape).sum(axis=0)
-            slope = np.where(both, np.exp(log_ratio) * along / shape, 0.0)  # of the variance's logarithm
-            slope = np.where(both, slope - slope.sum(axis=0) / count, 0.0)  # with the scale that fits it
+            slope = np.where(seen, np.exp(log_ratio) * along / shape, 0.0)  # of the variance's logarithm
+            slope = np.where(seen, slope - lengths.summed(slope) / count, 0.0)  # with the scale that fits it
             scores = 0.5 * (slope * (weight * square / (scale * shape) - 1)).sum(axis=1)
             information = 0.5 * DOF / (DOF + 3) * float((slope**2).sum())
             step = float(np.clip(scores.sum() / max(information, 1e-300), -MOST_STEP, MOST_STEP)) if free else 0.0
@@ -150,7 +244,7 @@ class _Fit:
             if steady:
                 break
         logarithm = np.log(scale * shape) + (DOF + 1) * np.log1p(square / (DOF * scale * shape))
-        return cls(log_ratio, -0.5 * float(logarithm[both].sum()), scores, information)
+        return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information)
 
     def dependence(self, blocks: int) -> float:
         """The variance of the scores, summed over so many blocks of frames, over that of independent distances."""

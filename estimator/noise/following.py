@@ -49,7 +49,8 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
         return plain
     source = _sources(plain, tracks)
     parts = _rejecting_parts(plain, tracks)
-    ratio = depth_ratio(tracks.position[:, source], plain.used & ~plain.rejected)
+    without_pose = tracks.seen[:, source] & ~np.any(plain.used, axis=1, keepdims=True)
+    ratio = depth_ratio(tracks.time, tracks.position[:, source], (plain.used | without_pose) & ~plain.rejected)
     if not parts and ratio is None:
         return plain
     deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
