@@ -4,6 +4,8 @@
 #define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
 #define ALIKE 0.1        /* rad, within which the map's covariances need not be turned */
 #define LARGE 1.0        /* rad, of a turn between frames where nothing is known of the rate */
+#define STILL 1e-6       /* rad, far below the noise of any attitude: a last step */
+#define LEFT 1e-8        /* rad, what another step would turn by */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
 /* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
@@ -11,7 +13,7 @@ static int weighed(Frame *frame, int i, const double R[3][3]) {
     double T[3][3], both[3][3];
     product(R, frame->spread[i], T);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]) + frame->more[i][a][b];
+        for (int b = 0; b <= a; b++) both[a][b] = both[b][a] = frame->noise[i][a][b] + dot(T[a], R[b]) + frame->more[i][a][b];
     return inverted(both, frame->W[i]);
 }
 
@@ -44,42 +46,49 @@ static void invert_normal_equations(double L[36], double covariance[6][6]) {
         }
 }
 
+/* What a point at an arm from the pose's origin, with the weight W and a residual that W makes We, adds to the normal equations: of N
+   the lower triangle. A turn moves it by K = -[arm]x, so that K' w = arm x w. */
+static void add_to_pose(const double arm[3], const double W[3][3], const double We[3], double N[36], double rhs[6]) {
+    double torque[3], WK[3][3], KW[3][3], KWK[3][3];
+    cross(arm, We, torque);
+    for (int a = 0; a < 3; a++) cross(arm, W[a], WK[a]);
+    transposed(WK, KW);
+    for (int a = 0; a < 3; a++) cross(arm, KW[a], KWK[a]);
+    for (int a = 0; a < 3; a++) {
+        rhs[a] += We[a], rhs[3 + a] += torque[a];
+        for (int b = 0; b < 3; b++) N[6 * (3 + a) + b] += KW[a][b];
+        for (int b = 0; b <= a; b++) N[6 * a + b] += W[a][b], N[6 * (3 + a) + 3 + b] += KWK[a][b];
+    }
+}
+
 /* Gauss and Newton's steps with the points that fit, which are weighed at the attitude from which it begins; 0 if these leave a direction
-   free. */
+   free. Weights that go with the attitude make them converge by about the same ratio each: so the last one is that after which the next,
+   by the ratio to the one before, would turn by less than LEFT. */
 static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
-    double N[36];
+    double N[36], before = 0.0;
     for (int round = 0; round < ROUNDS; round++) {
-        double step[6] = {0}, largest = 0.0, width = 0.0;
+        double step[6] = {0}, largest = 0.0;
         for (int k = 0; k < 36; k++) N[k] = 0.0;
         pose->count = 0;
         for (int i = 0; i < frame->count; i++) {
             if (!frame->fits[i]) continue;
-            double arm[3], e[3], We[3], K[3][3], WK[3][3];
+            double arm[3], e[3], We[3];
             if (round > 0) weighed(frame, i, pose->R);
             residual(filter, frame, pose, i, arm, e, We);
             bend(frame, i, e, We);
             for (int k = 0; k < 3; k++) arm[k] += frame->bent[i][k];
-            moved_by_turn(arm, K);
-            product(frame->W[i], K, WK);
-            for (int a = 0; a < 3; a++) {
-                step[a] += We[a];
-                step[3 + a] += K[0][a] * We[0] + K[1][a] * We[1] + K[2][a] * We[2];
-                for (int b = 0; b < 3; b++) {
-                    N[6 * a + b] += frame->W[i][a][b];
-                    N[6 * (3 + a) + b] += WK[b][a];
-                    N[6 * (3 + a) + 3 + b] += K[0][a] * WK[0][b] + K[1][a] * WK[1][b] + K[2][a] * WK[2][b];
-                }
-            }
+            add_to_pose(arm, (const double(*)[3])frame->W[i], We, N, step);
             pose->count++;
         }
         if (pose->count < 3 || !factored(6, N)) return 0;
         solved(6, N, step);
         for (int k = 0; k < 3; k++) pose->c[k] += step[k];
         for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(step[k]));
-        width = fmax(fabs(step[3]), fmax(fabs(step[4]), fabs(step[5])));
+        const double width = fmax(fabs(step[3]), fmax(fabs(step[4]), fabs(step[5])));
         if (!isfinite(largest)) return 0;
         turn_left(step + 3, pose->R);
-        if (width < 1e-6) break;
+        if (width < STILL || width * width < LEFT * before) break;
+        before = width;
     }
     invert_normal_equations(N, pose->covariance);
     pose->squares = 0.0;
@@ -174,9 +183,16 @@ static int agreed(const Online *filter, Frame *frame, const PredictedAttitude *p
 
 /* The pose from all points that are in the map, which are weighed at a predicted attitude, near that; 0 if one does not fit. */
 static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
+    double arm[3], count = 0.0;
     for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
     copy(predicted->R, pose->R);
-    for (int i = 0; i < frame->count; i++) frame->fits[i] = frame->slot[i] >= 0;
+    for (int i = 0; i < frame->count; i++) {
+        frame->fits[i] = frame->slot[i] >= 0;
+        if (!frame->fits[i]) continue;
+        times(pose->R, filter->b[frame->slot[i]], arm);
+        count += 1.0;
+        for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[i][k] - arm[k] - pose->c[k]) / count;
+    }
     return adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE);
 }
 
