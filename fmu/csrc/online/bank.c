@@ -90,18 +90,21 @@ static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
             for (int k = 0; k < 3; k++) P[AT[i] + k][AT[j] + k] += jerk * Q[i][j];
 }
 
+/* What the large filter's errors from `first` to n are with a coordinate of the offset that the last node saw, or, the fourth, with the scale. */
+static void with_map(const Online *filter, int a, int first, int n, double with[MOST_ERRORS]) {
+    for (int j = first; j < n; j++) with[j] = 0.0;
+    for (int f = 0; f < (int)filter->used; f++) {
+        const double *x = filter->P[FEATURES + 3 * f], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = filter->share[f][a];
+        for (int j = first; j < n; j++) with[j] += part[0] * x[j] + part[1] * y[j] + part[2] * z[j];
+    }
+}
+
 /* What the large filter's errors are with those of (r, v, offset, scale), the offset being what the last node saw: its share
    of each feature's error. */
 static void with_path_and_map(const Online *filter, int n, double G[PATH_AND_MAP][MOST_ERRORS]) {
-    for (int j = 0; j < n; j++) {
-        for (int a = 0; a < 6; a++) G[a][j] = filter->P[POSITION + a][j];
-        for (int a = OFFSET; a < PATH_AND_MAP; a++) G[a][j] = 0.0;
-    }
-    for (int f = 0; f < (int)filter->used; f++)
-        for (int a = 0; a < OF_MAP; a++) {
-            const double *x = filter->P[FEATURES + 3 * f], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = filter->share[f][a];
-            for (int j = 0; j < n; j++) G[OFFSET + a][j] += part[0] * x[j] + part[1] * y[j] + part[2] * z[j];
-        }
+    for (int a = 0; a < 6; a++)
+        for (int j = 0; j < n; j++) G[a][j] = filter->P[POSITION + a][j];
+    for (int a = 0; a < OF_MAP; a++) with_map(filter, a, 0, n, G[OFFSET + a]);
 }
 
 /* The covariance of (r, v, offset, scale) from what they are with all errors. */
@@ -213,175 +216,25 @@ static void start_bank(Online *filter) {
         for (int p = 0; p < PRODUCTS; p++) filter->curve[a][p] = 0.0;
 }
 
-/* What an acceleration adds to a component of (r, v) in T s. */
-static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
-
-/* Of `advance_member`, what the errors of the thrusters add: to x, and to A, the covariance of (r, v) then with all now. */
-static void add_thrust_of_member(const Member *member, const Transition *transition, const double by[6], double x[6], double A[6][ERRORS]) {
-    for (int a = 0; a < 6; a++) {
-        for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[PATH_AND_MAP + a % 3][b];
-        for (int k = 0; k < 6; k++)
-            for (int b = THRUST; b < ERRORS; b++) A[a][b] += transition->F[a][k] * member->P[k][b];
-        for (int k = 0; k < OF_THRUST; k++) {
-            x[a] += transition->by_thrust[a][k] * member->x[THRUST + k];
-            for (int b = 0; b < ERRORS; b++) A[a][b] += transition->by_thrust[a][k] * member->P[THRUST + k][b];
-        }
-    }
-}
-
-/* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
-static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
-    const int n = (int)member->errors;
-    const double T = transition->span, (*F)[6] = transition->F;
-    double x[6], by[6], A[6][ERRORS], across[6][6];
-    for (int a = 0; a < 6; a++) {
-        by[a] = n < MOTION ? 0.0 : bent_by(a, T);
-        x[a] = transition->step[a] + by[a] * member->x[PATH_AND_MAP + a % 3];
-        for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k], across[k][a] = F[a][k];
-        for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[PATH_AND_MAP + a % 3][b];
-        for (int k = 0; k < 6; k++)
-            for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
-    }
-    if (n > MOTION) add_thrust_of_member(member, transition, by, x, A);
-    for (int a = 0; a < 6; a++) {
-        double s[6];
-        member->x[a] = x[a];
-        for (int b = 0; b < 6; b++) s[b] = by[b] * A[a][PATH_AND_MAP + b % 3];
-        for (int k = 0; k < 6; k++)
-            for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
-        for (int k = 0; k < OF_THRUST && n > MOTION; k++)
-            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * transition->by_thrust[b][k];
-        for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
-        for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
-    }
-    add_noise(noise.white, T, &member->P[0][0], ERRORS);
-    if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
-    for (int k = THRUST; k < n; k++) member->P[k][k] += noise.wander * T;
-    if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, member->P);
-}
-
-/* The process noise of a member. */
-static ProcessNoise noise_of(const OnlineOptions *options, const Member *member) {
-    ProcessNoise noise = process_noise_of((int)member->steady);
-    noise.wander *= options->thrust * options->thrust, noise.execution *= options->thrust * options->thrust;
-    return noise;
-}
-
-/* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each transition. */
-static void advance_large(const Online *filter, Member *large, const Transition *transition) {
-    for (int k = THRUST; k < ERRORS; k++)
-        for (int j = THRUST; j < ERRORS; j++) large->P[k][j] = 0.0;
-    advance_member(large, (ProcessNoise){.white = filter->density}, transition);
-    add_thrust(filter, transition, &large->P[0][0], ERRORS);
-}
-
-/* All members of a bank of the filter. */
-static void advance_bank(const Online *filter, const Transition *transition, PackedMember bank[MEMBERS + 1]) {
-    Member member;
-    for (int m = 0; m <= SHADOW; m++) {
-        if (!is_alive(&bank[m])) continue;
-        unpack_member(&bank[m], &member);
-        if (m == SHADOW) advance_large(filter, &member, transition);
-        else advance_member(&member, noise_of(&filter->options, &member), transition);
-        pack_member(&member, &bank[m]);
-    }
-}
-
-/* What a node is not where a member predicts it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
-   there is no factor. */
-static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
-    const double(*late)[3] = measurement->lag, (*R)[3] = measurement->offset, *g = measurement->scale, bend = measurement->bend;
-    const double(*P)[ERRORS] = member->P;
-    const int manoeuvred = member->errors > MOTION, n = manoeuvred ? ERRORS : MOTION;
-    for (int k = 0; k < 3; k++) { /* along the rows of P, as many numbers at once as the processor takes */
-        double *row = B[k];
-        for (int a = 0; a < n; a++)
-            row[a] = P[k][a] - (late[k][0] * P[3][a] + late[k][1] * P[4][a] + late[k][2] * P[5][a]) +
-                     (R[k][0] * P[OFFSET][a] + R[k][1] * P[OFFSET + 1][a] + R[k][2] * P[OFFSET + 2][a]) + g[k] * P[SCALE][a] +
-                     bend * P[PATH_AND_MAP + k][a];
-        for (int i = 0; i < OF_THRUST && manoeuvred; i++)
-            for (int a = 0; a < n; a++) row[a] += measurement->by_thrust[k][i] * P[THRUST + i][a];
-    }
-    for (int k = 0; k < 3; k++) {
-        e[k] = measurement->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
-        e[k] -= g[k] * member->x[SCALE] + bend * member->x[PATH_AND_MAP + k];
-        for (int i = 0; i < OF_THRUST && manoeuvred; i++) e[k] -= measurement->by_thrust[k][i] * member->x[THRUST + i];
-        for (int j = 0; j < 3; j++) {
-            L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][PATH_AND_MAP + k] + measurement->noise[k][j];
-            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[j][OFFSET + i] - late[k][i] * B[j][3 + i];
-            for (int i = 0; i < OF_THRUST && manoeuvred; i++) L[3 * k + j] += measurement->by_thrust[k][i] * B[j][THRUST + i];
-        }
-    }
-    return factored(3, L);
-}
-
-/* The update with a node; 0 if rounding has left the covariance indefinite. */
-static int update_member(Member *member, const Measurement *measurement) {
-    const int n = (int)member->errors;
-    double e[3], L[9], B[3][ERRORS];
-    if (!innovation(member, measurement, e, L, B)) return 0;
-    whitened(L, e);
-    member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    whiten_rows(L, n, ERRORS, B[0]);
-    for (int a = 0; a < n; a++) {
-        double before = member->P[a][a];
-        member->x[a] += B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];
-        for (int b = 0; b < n; b++) member->P[a][b] -= B[0][a] * B[0][b] + B[1][a] * B[1][b] + B[2][a] * B[2][b];
-        member->P[a][a] += ROUNDING * before;
-    }
-    return 1;
-}
-
-/* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
-   known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
-   the other. */
-static void add_change(Member *member, const Measurement *measurement) {
-    const int n = (int)member->errors;
-    double more[OF_MAP][ERRORS], x[OF_MAP], (*of_map)[ERRORS] = &member->P[OFFSET];
-    for (int a = 0; a < OF_MAP; a++) {
-        const double *follow = measurement->follow[a];
-        x[a] = 0.0;
-        for (int b = 0; b < OF_MAP; b++) x[a] += follow[b] * member->x[OFFSET + b];
-        for (int j = 0; j < n; j++)
-            more[a][j] = follow[0] * of_map[0][j] + follow[1] * of_map[1][j] + follow[2] * of_map[2][j] + follow[3] * of_map[3][j];
-    }
-    for (int a = 0; a < OF_MAP; a++) {
-        member->x[OFFSET + a] += x[a];
-        for (int j = 0; j < n; j++) of_map[a][j] += more[a][j];
-    }
-    for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) {
-            double sum = measurement->change[a][b] + of_map[a][OFFSET + b];
-            for (int k = 0; k < OF_MAP; k++) sum += of_map[a][OFFSET + k] * measurement->follow[b][k];
-            more[a][b] = sum;
-        }
-    for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) of_map[a][OFFSET + b] = of_map[b][OFFSET + a] = more[a][b];
-    for (int j = 0; j < n; j++)
-        for (int a = 0; a < OF_MAP; a++) member->P[j][OFFSET + a] = of_map[a][j];
-}
-
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
 static void know_scale(PackedMember *member, double variance) {
     const double own = packed(member, SCALE, SCALE), off = member->x[SCALE];
     double gain[ERRORS], *row = member->P;
     if (!(own > variance)) return;
-    for (int a = 0; a < ERRORS; a++) gain[a] = packed(member, a, SCALE) / own;
-    for (int a = 0; a < ERRORS; row += ++a) {
+    for (int a = 0; a < (int)member->errors; a++) gain[a] = packed(member, a, SCALE) / own;
+    for (int a = 0; a < (int)member->errors; row += ++a) {
+        const double less = gain[a] * (variance - own);
         member->x[a] -= gain[a] * off;
-        for (int b = 0; b <= a; b++) row[b] += gain[a] * gain[b] * (variance - own);
+        for (int b = 0; b <= a; b++) row[b] += less * gain[b];
     }
 }
 
 /* All members know of the map's size what the large filter does. */
 static void know_scale_of_map(Online *filter) {
-    int used = (int)filter->used;
-    double variance = 0.0;
-    for (int f = 0; f < used; f++)
-        for (int k = 0; k < 3; k++)
-            for (int g = 0; g < used; g++)
-                variance += filter->share[f][SCALE - OFFSET][k] *
-                            dot(filter->share[g][SCALE - OFFSET], &filter->P[FEATURES + 3 * f + k][FEATURES + 3 * g]);
+    const int used = (int)filter->used, a = SCALE - OFFSET;
+    double with[MOST_ERRORS], variance = 0.0;
+    with_map(filter, a, FEATURES, FEATURES + 3 * used, with);
+    for (int f = 0; f < used; f++) variance += dot(filter->share[f][a], &with[FEATURES + 3 * f]);
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], variance);
 }

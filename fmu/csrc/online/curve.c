@@ -35,7 +35,7 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
 
 /* What a member knows of the thrusters has changed: it goes along the curve. */
 static void follow_curve(Curve curve, const double change[OF_THRUST], Member *member) {
-    double slopes[OF_THRUST][PATH_AND_MAP];
+    double slopes[OF_THRUST][PATH_AND_MAP], before[OF_THRUST][PATH_AND_MAP], (*of_thrust)[ERRORS] = &member->P[THRUST];
     for (int a = 0; a < PATH_AND_MAP; a++) {
         double slope[OF_THRUST] = {0.0};
         for (int i = 0; i < 3; i++) {
@@ -46,12 +46,19 @@ static void follow_curve(Curve curve, const double change[OF_THRUST], Member *me
         for (int k = 0; k < OF_THRUST; k++) {
             member->x[a] += 0.5 * slope[k] * change[k];
             slopes[k][a] = slope[k];
-            for (int b = 0; b < ERRORS; b++) member->P[a][b] += slope[k] * member->P[THRUST + k][b];
         }
     }
-    for (int b = 0; b < ERRORS; b++)
-        for (int k = 0; k < OF_THRUST; k++)
-            for (int a = 0; a < PATH_AND_MAP; a++) member->P[b][a] += slopes[k][a] * member->P[b][THRUST + k];
+    for (int k = 0; k < OF_THRUST; k++)
+        for (int b = 0; b < PATH_AND_MAP; b++) {
+            before[k][b] = of_thrust[k][b];
+            of_thrust[k][b] += by_column(OF_THRUST, &of_thrust[k][THRUST], &slopes[0][b], PATH_AND_MAP);
+        }
+    for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int b = 0; b < PATH_AND_MAP; b++)
+            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] += slopes[k][a] * before[k][b] + of_thrust[k][a] * slopes[k][b];
+    for (int a = PATH_AND_MAP; a < MOTION && bends(member); a++)
+        for (int b = 0; b < PATH_AND_MAP; b++)
+            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] += of_thrust[k][a] * slopes[k][b];
 }
 
 /* The update with a node, along a curve, or NULL; 0 if rounding has left the covariance indefinite. */
@@ -86,7 +93,7 @@ static void update_curve(Online *filter, const Member *likely, const Measurement
     if (filter->manoeuvred == 0.0) return;
     Member member = *likely;
     if (!know_thrust(&member) || !innovation(&member, measurement, e, L, B)) return;
-    whiten_rows(L, MOTION, ERRORS, B[0]);
+    whiten_rows(L, PATH_AND_MAP, ERRORS, B[0]);
     for (int p = 0; p < PRODUCTS; p++) {
         double of_map[OF_MAP];
         for (int a = 0; a < OF_MAP; a++) {

@@ -82,12 +82,12 @@ static Transition transition_since(const Online *filter) {
     return transition;
 }
 
-/* Bring the covariances, and the bank, to the time of the state. */
-static void settle(Online *filter) {
+/* Bring the covariances, but not the bank, to the time of the state: *gone is what the bank has still to go. */
+static void settle(Online *filter, Transition *gone) {
     int n = size_of(filter);
     double A[6][MOST_ERRORS];
-    if (filter->transition.span == 0.0) return;
-    const Transition transition = transition_since(filter);
+    const Transition transition = *gone = transition_since(filter);
+    if (transition.span == 0.0) return;
     for (int i = 0; i < 6; i++) {
         for (int j = 0; j < n; j++) A[i][j] = 0.0;
         for (int k = 0; k < 6; k++)
@@ -104,7 +104,6 @@ static void settle(Online *filter) {
         }
     add_noise(filter->density, transition.span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     add_thrust(filter, &transition, &filter->P[POSITION][POSITION], MOST_ERRORS);
-    advance_bank(filter, &transition, filter->bank);
     append_transition(&filter->since_node, &transition);
     filter->span += transition.span;
     start_interval(filter);
@@ -163,7 +162,10 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
         step_on(filter, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
         if (filter->manoeuvred != 0.0) advance_curve(filter, transition.F, last ? &now : NULL);
-        if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
+        if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) {
+            settle(filter, &transition);
+            advance_bank(filter, &transition, filter->bank);
+        }
     }
     filter->time = end;
 }
@@ -181,6 +183,20 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
 static void complete_covariance(Online *filter) {
     for (int k = FEATURES; k < size_of(filter); k++)
         for (int j = 0; j < k; j++) filter->P[k][j] = filter->P[j][k];
+}
+
+/* From rows of the covariance, of `count` errors, B' B is taken from the column `begin` on; 0 where a variance becomes negative. */
+static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int n, const double B[3][MOST_ERRORS], double (*restrict P)[MOST_ERRORS]) {
+    double before[2];
+    int sound = 1;
+    for (int r = 0; r < count; r++) before[r] = P[k + r][k + r];
+    for (int j = begin; j < n; j++)
+        for (int r = 0; r < count; r++) P[k + r][j] -= B[0][k + r] * B[0][j] + B[1][k + r] * B[1][j] + B[2][k + r] * B[2][j];
+    for (int r = 0; r < count; r++) {
+        P[k + r][k + r] += ROUNDING * before[r];
+        sound = sound && P[k + r][k + r] >= 0.0;
+    }
+    return sound;
 }
 
 /* The update with one point of a node whose mean time is `lag` s ago; dx are the errors found so far in this node, and
@@ -236,11 +252,8 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
         for (int j = even; j < n; j++) B[c][j] *= f;
     }
     for (int j = even; j < n; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
-    for (int k = first; k < n; k++) {
-        double x = B[0][k], y = B[1][k], z = B[2][k], *row = filter->P[k], before = row[k];
-        for (int j = k < FEATURES ? even : k - k % 2; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
-        row[k] += ROUNDING * before;
-        if (!(row[k] >= 0.0)) return 0;
-    }
-    return 1;
+    int k = first;
+    for (; k + 1 < n; k += 2)
+        if (!less_in_rows(2, k, k < FEATURES ? even : k - k % 2, n, (const double(*)[MOST_ERRORS])B, filter->P)) return 0;
+    return k == n || less_in_rows(1, k, k - k % 2, n, (const double(*)[MOST_ERRORS])B, filter->P);
 }

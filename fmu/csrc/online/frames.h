@@ -54,6 +54,7 @@ typedef struct {
    turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. span: since the node
    before, s. seems: information on the offset, in B, that it only seems to show, 1/m2 (seeming.c). */
 typedef struct {
+    const Transition *since; /* by which members have to go on first, or NULL */
     double bend, span, seems[3][3];
     double by_thrust[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];

@@ -10,7 +10,7 @@ once, or nodes later, then by what the mixture says. */
 /* The likeliest member, and the change that comes with a node. */
 static void changed_likeliest(const Online *filter, const Measurement *measurement, Member *member) {
     unpack_member(&filter->bank[likeliest(filter->bank)], member);
-    add_change(member, measurement);
+    go_to_node(&filter->options, member, measurement);
 }
 
 /* The member that jumps at a node, or -1, by the likeliest one, which has seen the change, as
@@ -108,7 +108,7 @@ static int update_members(Online *filter, const Member *likely, const Measuremen
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        if (m != fresh) add_change(&member, measurement);
+        if (m != fresh) go_to_node(&filter->options, &member, measurement);
         *sound = take_node(&member, measurement, curve, filter->widest) && *sound;
         pack_member(&member, &filter->bank[m]);
     }
@@ -119,12 +119,12 @@ static int update_members(Online *filter, const Member *likely, const Measuremen
    What they had before it was known that the path bends is forgotten then. */
 static void note_trend(Online *filter, const Member *likely, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS];
-    const int bends = process_noise_of((int)likely->steady).bend > 0.0;
+    const int bent = process_noise_of((int)likely->steady).bend > 0.0;
     if (!innovation(likely, measurement, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
-    if (bends > filter->likely) filter->trend = filter->terms = 0.0;
-    filter->likely = bends;
+    if (bent > filter->likely) filter->trend = filter->terms = 0.0;
+    filter->likely = bent;
     if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
     filter->trend += dot(e, filter->last);
     for (int k = 0; k < 3; k++) filter->last[k] = e[k];
@@ -150,6 +150,7 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     if (!*late) adopt(filter);
     Measurement of_shadow = *measurement;
     unpack_member(&filter->bank[SHADOW], &shadow);
+    if (measurement->since) advance_large(filter, &shadow, measurement->since);
     add_change(&shadow, measurement);
     add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS);
     add_thrust_of_node(filter, measurement, of_shadow.noise);

@@ -2,30 +2,30 @@
 
 typedef enum { ANY, STRAIGHT, BENT } Shape; /* of the path of a member */
 
-/* The mixture of the bank, of members of a shape, against the shadow: its mean, and its covariance. Returns the sum of their
-   weights. */
-static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, double x[ERRORS], double P[ERRORS][ERRORS]) {
+/* The mixture of the bank, of members of a shape, against the shadow: its mean, and its covariance, of the errors from `first` on.
+   Returns the sum of their weights. */
+static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, int first, double x[ERRORS], double P[ERRORS][ERRORS]) {
     const PackedMember *shadow = &bank[SHADOW];
     double weights[MEMBERS], sum = 0.0;
     for (int m = 0; m < MEMBERS; m++) {
         const int meant = is_alive(&bank[m]) && (shape == ANY || is_bending(&bank[m]) == (shape == BENT));
         sum += weights[m] = meant ? exp(bank[m].weight) : 0.0;
     }
-    for (int a = 0; a < ERRORS; a++) {
+    for (int a = first; a < ERRORS; a++) {
         x[a] = 0.0;
         for (int m = 0; m < MEMBERS; m++)
             if (weights[m] > 0.0) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
-        for (int b = 0; b < ERRORS; b++) P[a][b] = 0.0;
+        for (int b = first; b < ERRORS; b++) P[a][b] = 0.0;
     }
     for (int m = 0; m < MEMBERS; m++) {
         double off[ERRORS], part = weights[m] / sum;
         if (!(weights[m] > 0.0)) continue;
-        for (int a = 0; a < ERRORS; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
-        for (int a = 0; a < ERRORS; a++)
-            for (int b = 0; b <= a; b++) P[a][b] += part * (bank[m].P[packed_index(a, b)] + off[a] * off[b]);
+        for (int a = first; a < ERRORS; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
+        for (int a = first; a < ERRORS; a++)
+            for (int b = first; b <= a; b++) P[a][b] += part * (bank[m].P[packed_index(a, b)] + off[a] * off[b]);
     }
-    for (int a = 0; a < ERRORS; a++)
-        for (int b = 0; b < a; b++) P[b][a] = P[a][b];
+    for (int a = first; a < ERRORS; a++)
+        for (int b = first; b < a; b++) P[b][a] = P[a][b];
     return sum;
 }
 
@@ -33,7 +33,7 @@ static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, double x[
 static void learn_thrust(Online *filter) {
     double x[ERRORS], P[ERRORS][ERRORS];
     if (filter->manoeuvred == 0.0) return;
-    mixed(filter->bank, ANY, x, P);
+    mixed(filter->bank, ANY, THRUST, x, P);
     for (int a = 0; a < OF_THRUST; a++) {
         filter->thrust[a] = filter->bank[SHADOW].x[THRUST + a] += x[THRUST + a];
         for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = P[THRUST + a][THRUST + b];
@@ -149,7 +149,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
                       double P[ERRORS][ERRORS], double more[PATH_AND_MAP][PATH_AND_MAP]) {
     double S[PATH_AND_MAP * PATH_AND_MAP], back[PATH_AND_MAP * PATH_AND_MAP], N[PATH_AND_MAP * PATH_AND_MAP], off[PATH_AND_MAP], lead[PATH_AND_MAP], pull[PATH_AND_MAP], step[PATH_AND_MAP];
     double D[PATH_AND_MAP][PATH_AND_MAP], U[PATH_AND_MAP][PATH_AND_MAP], V[PATH_AND_MAP][PATH_AND_MAP], W[PATH_AND_MAP][PATH_AND_MAP], G[PATH_AND_MAP][PATH_AND_MAP], T[PATH_AND_MAP][PATH_AND_MAP];
-    double known[PATH_AND_MAP], rest[PATH_AND_MAP], wider[PATH_AND_MAP], growth[PATH_AND_MAP], inverse[PATH_AND_MAP], sum = mixed(bank, shape, x, P);
+    double known[PATH_AND_MAP], rest[PATH_AND_MAP], wider[PATH_AND_MAP], growth[PATH_AND_MAP], inverse[PATH_AND_MAP], sum = mixed(bank, shape, 0, x, P);
     double before[PATH_AND_MAP], of_members[PATH_AND_MAP][PATH_AND_MAP];
     const PackedMember *shadow = &bank[SHADOW];
     for (int a = 0; a < PATH_AND_MAP; a++) {
@@ -207,7 +207,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
     double x[ERRORS], y[PATH_AND_MAP], P[ERRORS][ERRORS], S[PATH_AND_MAP * PATH_AND_MAP], square = 0.0;
-    mixed(filter->bank, ANY, x, P);
+    mixed(filter->bank, ANY, 0, x, P);
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) S[k] = packed(&filter->bank[SHADOW], k / PATH_AND_MAP, k % PATH_AND_MAP);
     if (!factored(PATH_AND_MAP, S)) return 0;
     for (int k = 0; k < PATH_AND_MAP; k++) y[k] = x[k];

@@ -261,6 +261,7 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Pose pose;
     Sweep sweep;
     Measurement measurement;
+    Transition transition;
     double turn[3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
@@ -275,7 +276,8 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     copy(filter->R, before);
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) map[f][k] = filter->b[f][k];
-    settle(filter);
+    settle(filter, &transition);
+    if (transition.span > 0.0) measurement.since = &transition;
     if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &measurement)) return 0;
     map_turned(filter, map, turn);
     turn_tumble(&filter->tumble, &filter->options, turn);

@@ -29,7 +29,7 @@ static void keep(Online *filter, const Measurement *measurement, const double mo
    that. */
 static void measurement_again(const StoredNode *stored, const double wrong[3], double P[3][3], Measurement *measurement) {
     double off[3], K[3][3], spread[3][3], more[3][3], T[3][3];
-    *measurement = (Measurement){0};
+    *measurement = (Measurement){.since = &stored->transition};
     copy(stored->lag, measurement->lag), copy(stored->offset, measurement->offset), copy(stored->turn, measurement->turn);
     for (int a = 0; a < OF_MAP; a++)
         for (int b = 0; b < OF_MAP; b++) measurement->change[a][b] = stored->change[a][b], measurement->follow[a][b] = stored->follow[a][b];
@@ -52,14 +52,8 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
 /* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
 static int update_again(Online *filter, const StoredNode *stored, Measurement *measurement, double seems[3][3]) {
     double jump;
-    Member member, likely;
+    Member likely;
     int sound;
-    for (int m = 0; m < MEMBERS; m++) {
-        if (!is_alive(&filter->bank[m])) continue;
-        unpack_member(&filter->bank[m], &member);
-        advance_member(&member, noise_of(&filter->options, &member), &stored->transition);
-        pack_member(&member, &filter->bank[m]);
-    }
     find_seeming(measurement->offset, measurement);
     changed_likeliest(filter, measurement, &likely);
     update_members(filter, &likely, measurement, NULL, &jump, &sound);

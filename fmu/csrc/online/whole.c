@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "dialect.h"
 #include "online.h"
 #include "small.h"
 #include "frames.h"
@@ -45,6 +46,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "registration.c"
 #include "thrust.c"
 #include "bank.c"
+#include "member.c"
 #include "wander.c"
 #include "curve.c"
 #include "filter.c"
