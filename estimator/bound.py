@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen import as_seen, errors_in, of_true_size
+from baryscope.estimator.dynamics.seen_path import as_seen, errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST

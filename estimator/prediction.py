@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from baryscope.estimator.dynamics.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.dynamics.forces import lasting, untold_firings
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.onward import going_on, untold_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
@@ -151,7 +151,7 @@ class PredictedPath:
 
     @cached_property
     def _onward(self) -> Path:
-        return going_on(self.path, self.x, self.covariance)
+        return extrapolated(self.path, self.x, self.covariance)
 
     def added(self, time: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) of what the tracks do not tell.

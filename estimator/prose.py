@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
-from baryscope.estimator.dynamics.extended import Factor
+from baryscope.estimator.dynamics.extended_path import Factor
 from baryscope.estimator.dynamics.forces import VARIES
 from baryscope.estimator.findings import (
     FREE_TUMBLE,

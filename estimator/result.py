@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
 from baryscope.estimator.details import Details
-from baryscope.estimator.dynamics.extended import Factor
+from baryscope.estimator.dynamics.extended_path import Factor
 from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding, FreeAttitudes
 from baryscope.estimator.formats.dataset import dataset
 from baryscope.estimator.geometry.extent import rms_radius

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import ExtendedPath, parts_of
+from baryscope.estimator.dynamics.extended_path import ExtendedPath, parts_of
 from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import ExtendedPath, Factor, named_factors, parts_of
+from baryscope.estimator.dynamics.extended_path import ExtendedPath, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.linear_motion import (
     ARC,
     Acceleration,

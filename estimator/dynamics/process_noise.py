@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import ExtendedPath, parts_of
+from baryscope.estimator.dynamics.extended_path import ExtendedPath, parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, Motion, are_within, forced, highest_frequency
 from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior

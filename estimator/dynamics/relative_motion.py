@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, ThrustedPath, constant_of, firings_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, SmoothPath
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
-from baryscope.estimator.dynamics.seen import SeenPath
+from baryscope.estimator.dynamics.seen_path import SeenPath
 from baryscope.estimator.options import HIGHEST_DEGREE, PathOptions
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError

@@ -36,12 +36,12 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.orbits.push import unknown_push_in
 from baryscope.estimator.pivot.answer import estimate_of
-from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import PivotProblem, solve_pivot
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
 from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
 from baryscope.estimator.pivot.orbits.pushed import push_in
+from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
@@ -212,7 +212,7 @@ def _of_pivot(whole: Callable[[], PivotProblem], kind: type[Finding]) -> tuple[F
     return tuple(one for one in whole().solved.findings if isinstance(one, kind))
 
 
-def _with_burns_of(solved: Pivot, path: Path) -> Path:
+def _with_burns_of(solved: PivotSolution, path: Path) -> Path:
     """The path with the burns of a solution of `pivot`, if it has any."""
     burned = burned_in(solved.path)
     if burned is None:
@@ -223,7 +223,7 @@ def _with_burns_of(solved: Pivot, path: Path) -> Path:
     return replace(burned, base=path, about=about)
 
 
-def _for_attitudes(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot | None:
+def _for_attitudes(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> PivotSolution | None:
     """The solution of `pivot`, for attitudes of weighted observations; None if there are none, or no solution.
 
     A registration weighs all points alike, so that its attitudes are noisier than the observations' covariances tell.
@@ -236,7 +236,7 @@ def _for_attitudes(tracks: FeatureTracks, orbit: Orbit | None, options: PathOpti
         return None
 
 
-def _found(solved: Pivot | None, name: str) -> float:
+def _found(solved: PivotSolution | None, name: str) -> float:
     """A hyperparameter of the path's prior."""
     assert solved is not None  # noqa: S101  as the prior has hyperparameters
     index = solved.path.prior.index(name)

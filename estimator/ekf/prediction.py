@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.onward import going_on
+from baryscope.estimator.dynamics.extrapolated_path import extrapolated
 from baryscope.estimator.dynamics.process_noise import MIDDLE, lasting_variance
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ekf.further_nodes import further_nodes
@@ -91,7 +91,7 @@ class PredictedTumble:
         """The same at ascending times (n,) on that side of the tracks on which the node is the last."""
         found, at = self.found, self.found.reference
         of_path = slice(INERTIA, INERTIA + len(at.x))
-        onward = going_on(found.problem.path, at.x, found.solution.of_theta[of_path, of_path])
+        onward = extrapolated(found.problem.path, at.x, found.solution.of_theta[of_path, of_path])
         problem = replace(found.problem, path=onward)
         origin = float(problem.start.nodes.time[node])
         nodes = np.unique(np.concatenate([problem.start.nodes.time[[0, node]], time]))

@@ -20,7 +20,7 @@ from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import MaximumAPosteriori
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
@@ -59,7 +59,7 @@ class Start:
 def starts(
     tracks: FeatureTracks,
     measured: Observations,
-    solved: Pivot | None,
+    solved: PivotSolution | None,
     torques: tuple[Orbit | None, ...],
 ) -> Iterator[Start]:
     """Initial motions, each for when the one before leads nowhere.
@@ -141,7 +141,7 @@ def _noise(registered: Registered) -> float:
 def _refined(
     tracks: FeatureTracks,
     registered: Registered,
-    found: Pivot,
+    found: PivotSolution,
     torques: tuple[Orbit | None, ...],
 ) -> tuple[Tumble, Registered, Observations] | None:
     """The tumble of attitudes of weighted least squares, by `pivot`, the bodies, and observations with its weights.

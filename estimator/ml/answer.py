@@ -21,7 +21,7 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
-from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.extended_path import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, DisagreeingClusters, ExcessResiduals, Finding
@@ -34,7 +34,7 @@ from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.prediction import PredictedBody, PredictedPath
 from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -44,7 +44,7 @@ FloatArray = NDArray[np.float64]
 SIGNIFICANCE = 1e-6  # probability that residuals of a right model exceed those with free attitudes so much
 
 
-def answer_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, options: PathOptions) -> Estimate:
+def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteriori, options: PathOptions) -> Estimate:
     """The estimate with a tumble, from the tracks that it explains and the solution of `pivot` for these.
 
     Without the time it took.
@@ -108,7 +108,7 @@ def answer_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, opt
     )
 
 
-def _findings(best: MaximumAPosteriori, pivot: Pivot) -> tuple[Finding, ...]:
+def _findings(best: MaximumAPosteriori, pivot: PivotSolution) -> tuple[Finding, ...]:
     """Those of `pivot`, but for what a tumble does not need: as many frames, attitudes better than noise, and clusters
     that agree by these.
     """
@@ -117,7 +117,7 @@ def _findings(best: MaximumAPosteriori, pivot: Pivot) -> tuple[Finding, ...]:
 
 
 def _excess_residuals(
-    residual: FloatArray, best: MaximumAPosteriori, pivot: Pivot, errors: SharedErrors | None
+    residual: FloatArray, best: MaximumAPosteriori, pivot: PivotSolution, errors: SharedErrors | None
 ) -> tuple[Finding, ...]:
     """A finding if the residuals (n, m, 3) of ml are greater than with free attitudes by more than noise explains.
 

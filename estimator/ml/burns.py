@@ -9,11 +9,11 @@ import numpy as np
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.estimator.ml.iteration import turned_by
 from baryscope.estimator.ml.maximum import MaximumAPosteriori
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import PivotProblem
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 
 
-def with_burns_of_tumble(problem: PivotProblem, pivot: Pivot, best: MaximumAPosteriori) -> PivotProblem | None:
+def with_burns_of_tumble(problem: PivotProblem, pivot: PivotSolution, best: MaximumAPosteriori) -> PivotProblem | None:
     """The problem of `pivot` solved with the burns that a tumble shows; None without any.
 
     pivot: its solution with a column for each point, from which the maximum of the likelihood is reached.

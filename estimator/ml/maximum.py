@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, enriched
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen import as_seen, errors_in
+from baryscope.estimator.dynamics.seen_path import as_seen, errors_in
 from baryscope.estimator.ml.initial_tumble import Tumble
 from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, iterated
 from baryscope.estimator.ml.jacobians import PHASE
@@ -27,7 +27,7 @@ from baryscope.estimator.ml.model import FrameNoise
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.ml.torque_modes import with_modes, with_needed_modes
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 
@@ -70,7 +70,7 @@ class _Given:
     """
 
     tracks: FeatureTracks
-    pivot: Pivot
+    pivot: PivotSolution
     density: float | None
     noise: FrameNoise | None
     floor: float
@@ -120,7 +120,7 @@ class _Given:
 
 
 def maximised(
-    tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds
+    tracks: FeatureTracks, pivot: PivotSolution, tumble: Tumble, options: PathOptions, done: Rounds
 ) -> MaximumAPosteriori:
     """The maximum, from the path of `pivot` and the fitted rotation, with as many modes of both noises as it needs.
 
@@ -226,7 +226,7 @@ def _block_length(rotation: Rotation, path: Path) -> float:
     return PHASE / highest if highest > 0 else np.inf
 
 
-def common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
+def common_points(pivot: PivotSolution, tumble: Tumble) -> FloatArray:
     """The points (m, 3) of all features in the axes B of the tumble, m; means where bodies share features."""
     m = pivot.observations.weight.shape[1]
     total, points = np.zeros(m), np.zeros((m, 3))

@@ -13,9 +13,9 @@ from dataclasses import replace
 from baryscope.estimator.findings import FREE_TUMBLE, ExcessResiduals, FreeAttitudes
 from baryscope.estimator.ml.answer import answer_of
 from baryscope.estimator.ml.burns import with_burns_of_tumble
-from baryscope.estimator.ml.either import with_other
 from baryscope.estimator.ml.iteration import STAGE
 from baryscope.estimator.ml.search import LikelyTumbles, likely_tumbles
+from baryscope.estimator.ml.two_models import with_other
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.answer import estimate_of

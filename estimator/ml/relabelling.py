@@ -6,14 +6,14 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.tracks import FeatureTracks
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivot]:
+def relabelled(tracks: FeatureTracks, pivot: PivotSolution) -> tuple[FeatureTracks, PivotSolution]:
     """The tracks and the solution of `pivot` with a column for each point.
 
     The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie point was refused see different points.
@@ -42,7 +42,7 @@ def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivo
     return _in_columns(tracks, pivot, labels, np.array(source), np.stack(kept, axis=1), columns)
 
 
-def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
+def _points_of(feature: int, pivot: PivotSolution) -> dict[int, int]:
     """The number of the point that each body with the feature sees: that of the last body before it that agrees."""
     refused_pairs = {tie.bodies for tie in pivot.different if feature in tie.features}
     found: dict[int, int] = {}
@@ -54,7 +54,7 @@ def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
     return found
 
 
-def _nearest_holder(feature: int, pivot: Pivot, frames: int) -> IntArray:
+def _nearest_holder(feature: int, pivot: PivotSolution, frames: int) -> IntArray:
     """For each frame (n,) the index of the body with the feature that has the nearest frame."""
     distance, holder = np.full(frames, np.inf), np.zeros(frames, dtype=np.intp)
     for index, body in enumerate(pivot.bodies):
@@ -70,12 +70,12 @@ def _nearest_holder(feature: int, pivot: Pivot, frames: int) -> IntArray:
 
 def _in_columns(
     tracks: FeatureTracks,
-    pivot: Pivot,
+    pivot: PivotSolution,
     labels: list[str],
     source: IntArray,
     kept: NDArray[np.bool_],
     columns: list[IntArray],
-) -> tuple[FeatureTracks, Pivot]:
+) -> tuple[FeatureTracks, PivotSolution]:
     """Tracks and solution with columns `source`, the observations kept (n, m'), and the bodies' features `columns`."""
     position = np.where(kept[..., None], tracks.position[:, source], np.nan)
     covariance = tracks.covariance

@@ -18,7 +18,7 @@ from baryscope.estimator.ml.iteration import ROUNDING, STAGE
 from baryscope.estimator.ml.maximum import MaximumAPosteriori, maximised
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.attitude import INERTIA_BASIS
@@ -48,14 +48,14 @@ class LikelyTumbles:
     """
 
     tracks: FeatureTracks
-    pivot: Pivot
+    pivot: PivotSolution
     best: MaximumAPosteriori
     other: AlternativeTumble | None = None
 
 
 def likeliest_tumble(
-    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
-) -> tuple[FeatureTracks, Pivot, MaximumAPosteriori]:
+    tracks: FeatureTracks, solved: PivotSolution, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
+) -> tuple[FeatureTracks, PivotSolution, MaximumAPosteriori]:
     """The maximum of the likelihood, and tracks and solution of `pivot` with a column for each point, if labels do not.
 
     torques: the orbits whose gravity gradient may act, None for none. By attitudes alone it is told which does.
@@ -68,7 +68,7 @@ def likeliest_tumble(
 
 
 def likely_tumbles(
-    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
+    tracks: FeatureTracks, solved: PivotSolution, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
 ) -> LikelyTumbles:
     """The likeliest tumble by all observations, and the other model if it is likely, too.
 
@@ -107,8 +107,8 @@ def _probability(excess: float) -> float:
 
 
 def _fitted(
-    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], done: Rounds
-) -> tuple[FeatureTracks, Pivot, tuple[Tumble, ...]]:
+    tracks: FeatureTracks, solved: PivotSolution, torques: tuple[Orbit | None, ...], done: Rounds
+) -> tuple[FeatureTracks, PivotSolution, tuple[Tumble, ...]]:
     """Tracks and solution with a column for each point, and the rotations that fit the attitudes, likeliest first."""
     tracks, pivot = relabelled(tracks, solved)
     noise = max(pivot.frame_variance, least_variance(pivot.observations, ROUNDING))
@@ -144,7 +144,7 @@ def _cost(found: MaximumAPosteriori, weight: FloatArray, variance: float) -> flo
 
 
 def _maximum(
-    tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds
+    tracks: FeatureTracks, pivot: PivotSolution, tumble: Tumble, options: PathOptions, done: Rounds
 ) -> MaximumAPosteriori:
     """The maximum of the likelihood from a fit to attitudes.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.forces import BROAD, SPAN_TIMES, VARIES, Force, PushedPath, constant_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter

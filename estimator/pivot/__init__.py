@@ -2,7 +2,7 @@
 
 `method` is the entry: `start` (from the linear `drift`) gives an `initial_solution`, from which `refinement` iterates
 over `free_attitudes` (by `elimination`); then `strays`, `burns` that nothing told, `unexplained` orbits, `tie_points`
-and `lack_of_fit`. `answer` is the estimate of what is `found`, with the `joint_covariance`, and the `ridge` of what is
-hardly observable.
+and `lack_of_fit`. `answer` is the estimate of a `pivot_solution`, with the `joint_covariance`, and the `ridge` of what
+is hardly observable.
 Uses geometry, registration, dynamics, result and adjustment.
 """

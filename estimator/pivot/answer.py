@@ -19,14 +19,14 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
-from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.extended_path import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.seen import errors_in, of_true_size
+from baryscope.estimator.dynamics.seen_path import errors_in, of_true_size
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import without_spurious_information
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import following_rotation
@@ -37,7 +37,7 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 FloatArray = NDArray[np.float64]
 
 
-def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
+def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
     """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter.
 
     Raises:
@@ -90,7 +90,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     )
 
 
-def _of_true_size(found: Pivot, scale: int, of_x: FloatArray, offsets: FloatArray) -> FloatArray:
+def _of_true_size(found: PivotSolution, scale: int, of_x: FloatArray, offsets: FloatArray) -> FloatArray:
     """The covariances (k, 3, 3) of the bodies' offsets, from those as the camera sees them; scale: its index in x."""
     crossed = found.variance * found.solution.offset_path[:, scale].reshape(-1, 3)
     parts = zip(found.bodies, offsets, crossed, strict=True)
@@ -103,7 +103,7 @@ def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
     return TiedClusters(points.bodies, tuple(labels[index] for index in points.features))
 
 
-def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: SharedErrors | None) -> Motion:
+def _motion(found: PivotSolution, of_path: PredictedPath, time: FloatArray, errors: SharedErrors | None) -> Motion:
     """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
     rate = interpolated(found.path.rate_at, found.path.frequency, time)
     body = max(found.bodies, key=lambda one: len(one.frames))

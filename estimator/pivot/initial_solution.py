@@ -10,7 +10,7 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +50,6 @@ class InitialSolution:
         """The start on another path, sampled at the times, with unknowns x (p,) that are good enough for its prior."""
         return replace(self, path=path, sampled=sampled, x=x, first_prior=None)
 
-    def near(self, found: Pivot) -> "InitialSolution":
+    def near(self, found: PivotSolution) -> "InitialSolution":
         """The start with the bodies of a solution, and the weights that it has found."""
         return replace(self, bodies=found.bodies, observations=found.observations, inliers=found.inliers, weight=None)

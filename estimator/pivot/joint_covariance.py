@@ -19,9 +19,9 @@ from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.collinear import without_spurious_path
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
-from baryscope.estimator.pivot.rods import without_spurious_path
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class JointCovariance:
         return replace(self, matrix=self.matrix + columns @ columns.T)
 
 
-def without_spurious_information(found: Pivot) -> JointCovariance:
+def without_spurious_information(found: PivotSolution) -> JointCovariance:
     """The joint covariance of a solution without spurious information.
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
@@ -93,7 +93,7 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     return whole.grown(_beside_lines(found, whole.of_offsets))
 
 
-def _beside_lines(found: Pivot, offsets: FloatArray) -> FloatArray:
+def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
     """Columns (3 k + p, d) that leave nothing told by features nearly in a line, where their offset is not observable.
 
     Attitudes about the line are off by more than they claim, as it has hardly any width. A centre of mass beside it may
@@ -117,7 +117,7 @@ def _displacement(path: SampledPath) -> FloatArray:
     return np.asarray(np.linalg.pinv(path.mean_square(), hermitian=True) @ mean)
 
 
-def is_at_rest(found: Pivot) -> bool:
+def is_at_rest(found: PivotSolution) -> bool:
     """Whether the last step is small to the covariance without spurious information; the weights must have settled.
 
     Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
@@ -127,7 +127,7 @@ def is_at_rest(found: Pivot) -> bool:
     return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
 
 
-def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
+def _products(found: PivotSolution, offsets: FloatArray) -> FloatArray:
     """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances.
 
     Errors of the attitudes last as long as those of the features that make them.
@@ -140,13 +140,13 @@ def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
     return total
 
 
-def _least(found: Pivot) -> float:
+def _least(found: PivotSolution) -> float:
     """The least information on an offset, in the weights' units."""
     bodies = [body for body, lost in zip(found.bodies, found.lost, strict=True) if not lost] or found.bodies
     return found.variance / max(farthest(body.points) for body in bodies) ** 2
 
 
-def _prior(found: Pivot) -> OffsetPrior:
+def _prior(found: PivotSolution) -> OffsetPrior:
     """That of the bodies' offsets, in the weights' units, as wide as its likeliest where they contradict it.
 
     Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is

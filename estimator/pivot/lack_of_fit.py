@@ -20,9 +20,9 @@ from baryscope.estimator.findings import (
 )
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import ROUNDING
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.registration.clusters import Registered
@@ -39,7 +39,7 @@ TEST_FRAMES = 1500  # frames used in the test, at most
 MAX_SPURIOUS_GROWTH = 1.5  # of an offset's variance by removal of spurious information, for the test to be valid
 
 
-def misfits(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
+def misfits(found: PivotSolution, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
     """Findings against labels and path."""
     findings: list[Finding] = [_of_refused(points, tracks.labels) for points in found.refused]
     measured = found.observations
@@ -65,7 +65,7 @@ def _of_refused(points: TiePoints, labels: tuple[str, ...]) -> DifferentPoints |
     return DisagreeingClusters(names, points.bodies, points.disagreement)
 
 
-def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | None:
+def excess_residuals(found: PivotSolution, registered: Registered) -> ExcessResiduals | None:
     """A finding if the variance of the residuals is above that of the registration, by more than chance.
 
     The registration's are some of the values of the solution: of independent ones the ratio would scatter more.
@@ -78,7 +78,7 @@ def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | 
     return ExcessResiduals(found.path.name, float(np.sqrt(ratio)))
 
 
-def _excessive_slip(found: Pivot) -> ExcessResiduals | None:
+def _excessive_slip(found: PivotSolution) -> ExcessResiduals | None:
     """A finding if the position slips so far that it is no pivot: further than features are from one another."""
     body = max(found.bodies, key=lambda one: len(one.frames))
     if found.slip <= RADII * rms_radius(body.points):
@@ -89,7 +89,7 @@ def _excessive_slip(found: Pivot) -> ExcessResiduals | None:
     return ExcessResiduals(found.path.name, float(np.hypot(found.slip, noise) / noise))
 
 
-def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
+def lack_of_fit(found: PivotSolution, time: FloatArray) -> LackOfFit | None:
     """A finding if a cubic in time, added to the path model, improves the fit by more than noise explains.
 
     Only the part of the cubic that the path model cannot represent is added, with k unknowns. If the model is right,
@@ -122,7 +122,7 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
     return LackOfFit(found.path.name, metres, float(gain), int(new.shape[2]))
 
 
-def _is_poorly_observed(found: Pivot) -> bool:
+def _is_poorly_observed(found: PivotSolution) -> bool:
     """Whether spurious information is a large part of the information on some body's offset."""
     after = without_spurious_information(found).of_offsets
     before = JointCovariance(found.variance * found.solution.offset_covariance, len(found.bodies)).of_offsets

@@ -33,7 +33,7 @@ from baryscope.estimator.pivot.burns.solution import (
     with_burns_by,
     with_unknown_burns,
 )
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.collinear import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.lack_of_fit import misfits
@@ -42,14 +42,14 @@ from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, wron
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
 from baryscope.estimator.pivot.orbits.pushed import with_push
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import ROUNDING, refined
-from baryscope.estimator.pivot.rods import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.start import LinearStart, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.unexplained import gain_over, with_needed_noise
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
-from baryscope.estimator.registration.rods import find_rods
+from baryscope.estimator.registration.collinear import find_collinear
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -75,7 +75,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     return estimate_of(solve_pivot(tracks, orbit, options), tracks, options, begin)
 
 
-def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> Pivot:
+def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> PivotSolution:
     """The least-squares solution for bodies and path, with its findings; see `PivotProblem`."""
     return PivotProblem.of(tracks, told, options).solved
 
@@ -96,11 +96,11 @@ class PivotProblem:
     options: PathOptions
     registered: Registered
     start: InitialSolution
-    unpushed: Pivot | None
-    plain: Pivot
+    unpushed: PivotSolution | None
+    plain: PivotSolution
     fewer: InitialSolution
-    burned: Pivot
-    solved: Pivot
+    burned: PivotSolution
+    solved: PivotSolution
 
     @classmethod
     def of(cls, tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> "PivotProblem":
@@ -148,13 +148,13 @@ class PivotProblem:
             return None
         return self._with_burns(*found)
 
-    def _with_burns(self, burned: Pivot, start: InitialSolution) -> "PivotProblem":
+    def _with_burns(self, burned: PivotSolution, start: InitialSolution) -> "PivotProblem":
         if burned is self.plain:
             return self._finished(burned, self.fewer)
         burned, start = without_strays(burned, start, self.options)
         return replace(self, burned=burned)._finished(burned, start)
 
-    def _finished(self, found: Pivot, start: InitialSolution) -> "PivotProblem":
+    def _finished(self, found: PivotSolution, start: InitialSolution) -> "PivotProblem":
         """The problem with a solution for a push and an error of the orbit, and with findings."""
         orbit, options = self.orbit, self.options
         if found is not self.unpushed:
@@ -173,7 +173,7 @@ class PivotProblem:
 
 def _of_chosen_degree(
     data: "_ProblemData", trajectory: Trajectory, orbit: Orbit | None, options: PathOptions
-) -> tuple[Pivot, InitialSolution]:
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution on a path of enough degrees, and its start.
 
     Raises:
@@ -195,8 +195,8 @@ def _of_chosen_degree(
 
 
 def _with_smooth_forces(
-    found: Pivot, start: InitialSolution, told: Orbit | None, options: PathOptions
-) -> tuple[Pivot, InitialSolution, Orbit | None, Pivot | None]:
+    found: PivotSolution, start: InitialSolution, told: Orbit | None, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution, Orbit | None, PivotSolution | None]:
     """The solution with J2 and a push that nobody tells, its start, the orbit, and a solution in which a push has been
     looked for in vain, None if not in this one.
 
@@ -304,11 +304,11 @@ def _registered(tracks: FeatureTracks, inliers: BoolArray, path: Path) -> Regist
     except ComputationError as error:
         if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES, Reason.TOO_FEW_FRAMES):
             raise
-        rods = find_rods(tracks.position, inliers)
-        if rods is None:
+        in_line = find_collinear(tracks.position, inliers)
+        if in_line is None:
             raise
-        _refuse_few_frames(rods.bodies, path)
-        return rods
+        _refuse_few_frames(in_line.bodies, path)
+        return in_line
 
 
 def _lasting(registered: Registered, observations: Observations) -> float:
@@ -319,7 +319,7 @@ def _lasting(registered: Registered, observations: Observations) -> float:
     return frames_per_error(registered.bodies, observations, origin)
 
 
-def _refined(start: InitialSolution, options: PathOptions) -> Pivot:
+def _refined(start: InitialSolution, options: PathOptions) -> PivotSolution:
     """The refined solution, with covariances at once with the path's own prior; with the noise that it needs.
 
     They make the start so good that to begin anew from a simple path would spoil it, unless it leads nowhere.
@@ -331,7 +331,7 @@ def _refined(start: InitialSolution, options: PathOptions) -> Pivot:
     return with_needed_noise(found, start, options)
 
 
-def _is_cut_short(found: Pivot) -> bool:
+def _is_cut_short(found: PivotSolution) -> bool:
     """Whether a smooth path has degrees beyond its highest that matter."""
     smooth = smooth_in(found.path)
     if smooth is None:

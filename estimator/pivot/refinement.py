@@ -17,14 +17,14 @@ from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.process_noise import enriched
-from baryscope.estimator.dynamics.seen import as_seen
+from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features, with_found_attitudes
-from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, regained, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
+from baryscope.estimator.pivot.pivot_solution import LastStep, PivotSolution, spurious_of_known
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body, places_of
@@ -44,7 +44,7 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 
 
-def refined(start: InitialSolution, options: PathOptions) -> Pivot:
+def refined(start: InitialSolution, options: PathOptions) -> PivotSolution:
     """The solution of Gauss–Newton steps until steps and changes of the weights are small, with tie points applied.
 
     Raises:
@@ -323,7 +323,7 @@ class _Refinement:
             self.regularisation = firmer
             self._go_on_for(FIRM_ROUNDS)
 
-    def found(self) -> Pivot:
+    def found(self) -> PivotSolution:
         """The solution, with the covariance for unknown hyperparameters and with tie points."""
         assert self.theta is not None and self.last is not None  # noqa: S101, PT018  there was a round
         scale = self.options.sigma**2 if self.options.sigma is not None else self.variance
@@ -338,7 +338,7 @@ class _Refinement:
             self.errors.shifts,
             frame_variance=of_frame,
         )
-        return Pivot(
+        return PivotSolution(
             path=self.path,
             sampled=self.sampled,
             time=self.start.time,

@@ -30,9 +30,9 @@ from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.reduced import scaled
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 from baryscope.estimator.registration.body import Body
@@ -77,7 +77,7 @@ class _Place:
         return np.concatenate([*changes, self.x - other.x])
 
 
-def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
+def with_ridges(found: PivotSolution, covariance: JointCovariance) -> JointCovariance:
     """The covariance of a solution, wider by how the ridges of its widest directions depart from their tangents.
 
     Those are directions that are not observable. Where a ridge can't be followed to the node, it departs as much more
@@ -97,7 +97,7 @@ def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
     return covariance.grown(np.sqrt(NODE_WEIGHT) * np.transpose(columns)) if columns else covariance
 
 
-def _wide_directions(found: Pivot, covariance: JointCovariance, square: FloatArray) -> _Directions:
+def _wide_directions(found: PivotSolution, covariance: JointCovariance, square: FloatArray) -> _Directions:
     """Those that are not observable, at most MOST_RIDGES; square (p, p): the mean of JᵀJ over the frames."""
     radius = rms_radius(max(found.bodies, key=lambda body: len(body.frames)).points)
     factor = factor_of(covariance.of_x)
@@ -113,7 +113,7 @@ def _wide_directions(found: Pivot, covariance: JointCovariance, square: FloatArr
 class _SubsampledSolution:
     """A solution with some of its frames, each with the weight of those it stands for."""
 
-    found: Pivot
+    found: PivotSolution
     wide: _Directions
     start: _Place
     observations: Observations
@@ -121,7 +121,7 @@ class _SubsampledSolution:
     shifts: FrameShifts | None
 
     @classmethod
-    def of(cls, found: Pivot, wide: _Directions) -> "_SubsampledSolution":
+    def of(cls, found: PivotSolution, wide: _Directions) -> "_SubsampledSolution":
         """Those of a solution."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()

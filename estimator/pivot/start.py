@@ -22,11 +22,11 @@ from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONE
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.pivot.collinear import collinear_start
 from baryscope.estimator.pivot.drift import Drift, DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
-from baryscope.estimator.pivot.rods import solution_of_rods
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
@@ -221,7 +221,7 @@ def _linear_solutions(
 ) -> Callable[[Prior], tuple[tuple[Body, ...], FloatArray]]:
     """What gives bodies with points from the centre of mass, and x (p,), by linear least squares with a prior."""
     if registered.in_line:
-        return partial(solution_of_rods, registered, observations, sampled)
+        return partial(collinear_start, registered, observations, sampled)
     roots = [np.ones(len(body.frames)) for body in registered.bodies]
     even = drift_equations(registered, roots, sampled, registered.noise)
     return partial(_linear_solution, registered, observations, sampled, even)

@@ -14,9 +14,9 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import MIN_FRAMES
@@ -27,7 +27,9 @@ BoolArray = NDArray[np.bool_]
 REPEATS = 3  # of search and refinement, at most
 
 
-def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -> tuple[Pivot, InitialSolution]:
+def without_strays(
+    found: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution without the frames in which a body's attitude strays or hardly is one, if they matter, and its
     start.
     """

@@ -13,9 +13,9 @@ from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation
 from baryscope.estimator.observability import UNOBSERVABLE, Observability
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution
 from baryscope.estimator.pivot.reduced import bounded_cost
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.models.errors import ComputationError
@@ -26,7 +26,7 @@ HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
 
-def with_needed_noise(found: Pivot, start: InitialSolution, options: PathOptions) -> Pivot:
+def with_needed_noise(found: PivotSolution, start: InitialSolution, options: PathOptions) -> PivotSolution:
     """The solution, or that which is reached from one without process noise, if it is likelier by more than chance.
 
     Where hardly more than noise tells the offsets, steps that may use process noise can end with wrong offsets that
@@ -46,7 +46,7 @@ def with_needed_noise(found: Pivot, start: InitialSolution, options: PathOptions
     return other if gain_over(found, other, start) > SIGNIFICANT else found
 
 
-def gain_over(found: Pivot, other: Pivot, start: InitialSolution) -> float:
+def gain_over(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:
     """What −2 ln of the marginal likelihood of a start's observations is less by in another solution than in one.
 
     For the least variance of both. Frames of two features that only one has found a place for are no evidence for it.
@@ -55,7 +55,7 @@ def gain_over(found: Pivot, other: Pivot, start: InitialSolution) -> float:
     return _cost_of(found, start, variance) - _cost_of(other, start, variance)
 
 
-def _cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
+def _cost_of(found: PivotSolution, start: InitialSolution, variance: float) -> float:
     """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
     cost. Tie points are none of them: they move the path's noise to where it is unlikely, if it is that of none.
     """
@@ -63,7 +63,7 @@ def _cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
     return bounded_cost(found.untied_problem, weight, variance, found.path.prior, found.posterior.theta)
 
 
-def following_rotation(found: Pivot, observability: Observability) -> tuple[FollowsRotation, ...]:
+def following_rotation(found: PivotSolution, observability: Observability) -> tuple[FollowsRotation, ...]:
     """The finding of a path that may follow the rotation, with an offset that is wrong by as much.
 
     Where hardly more than noise tells the offset, attitudes that outliers have spoilt, or that turn little, can make

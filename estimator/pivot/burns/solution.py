@@ -21,9 +21,9 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burns.poses import Posed, RegisteredPoses
 from baryscope.estimator.pivot.burns.search import likeliest, price, without
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.reduced import fixed_at, scaled
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import gain_over
@@ -39,8 +39,8 @@ FOLLOWS = 0.5  # share of the information on an offset that is spurious, where a
 
 
 def with_unknown_burns(
-    found: Pivot, registered: Registered, orbit: Orbit | None, start: InitialSolution, options: PathOptions
-) -> tuple[Pivot, InitialSolution]:
+    found: PivotSolution, registered: Registered, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution with the burns among its unknowns that explain what else would be process noise, and its start.
 
     start: of the frames that are looked at, among which are those of `found`. Without such burns `found` itself.
@@ -60,8 +60,8 @@ def may_have_burns(path: Path, options: PathOptions) -> bool:
 
 
 def with_burns_by(
-    posed: Posed, found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions
-) -> tuple[Pivot, InitialSolution] | None:
+    posed: Posed, found: PivotSolution, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution] | None:
     """The solution with the burns that poses show, and its start; None without any, or if it is no likelier.
 
     found: a solution without burns on the path of the start, which has process noise.
@@ -79,8 +79,8 @@ def with_burns_by(
 
 
 def _with_likeliest(
-    found: Pivot, start: InitialSolution, options: PathOptions, equations: BurnEquations, fit: BurnFit
-) -> tuple[Pivot, InitialSolution] | None:
+    found: PivotSolution, start: InitialSolution, options: PathOptions, equations: BurnEquations, fit: BurnFit
+) -> tuple[PivotSolution, InitialSolution] | None:
     """The solution with the burns of a fit that are needed, and its start; None if it is no likelier.
 
     Raises:
@@ -99,7 +99,7 @@ def _with_likeliest(
     return None
 
 
-def _gone_on(found: Pivot, start: InitialSolution, options: PathOptions) -> Pivot:
+def _gone_on(found: PivotSolution, start: InitialSolution, options: PathOptions) -> PivotSolution:
     """The solution that is reached from one that has not converged, unless that is at rest.
 
     The search knows the attitudes of the registration, of which some are spoilt by outliers or by poor depths: from
@@ -110,14 +110,14 @@ def _gone_on(found: Pivot, start: InitialSolution, options: PathOptions) -> Pivo
     return refined(start.on(found.path, found.sampled.itself, found.solution.x).near(found), options)
 
 
-def _left_out(found: Pivot, start: InitialSolution) -> float:
+def _left_out(found: PivotSolution, start: InitialSolution) -> float:
     """The share of frames whose observations agree with one another, but all are rejected by the path."""
     weight = found.observations.weight
     used, seen = weight.sum(axis=1), np.where(weight > 0, start.observations.weight, 0.0).sum(axis=1)
     return float((used < REJECTED * seen).sum() / max(float((seen > 0).sum()), 1.0))
 
 
-def _follows_rotation(found: Pivot) -> bool:
+def _follows_rotation(found: PivotSolution) -> bool:
     """Whether a smooth path may be so flexible for the sake of a burn, and hide the offset: it then needs no noise."""
     return smooth_in(found.path) is not None and found.spurious_share > FOLLOWS
 
@@ -148,7 +148,7 @@ def _start(start: InitialSolution, equations: BurnEquations, fit: BurnFit) -> In
     )
 
 
-def _gains(found: Pivot) -> list[float]:
+def _gains(found: PivotSolution) -> list[float]:
     """What each burn gains in 2 ln p."""
     burned = burned_in(found.path)
     assert burned is not None  # noqa: S101  there are burns

@@ -27,10 +27,10 @@ from baryscope.estimator.orbits.error import (
     orbit_error,
 )
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
-from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
-from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
+from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
+from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,9 @@ NEGLIGIBLE = 1e-6  # share of a force's deviations, that is as none
 RESTS = 2.0  # times as wide a claim, from which the answer rests on a force
 
 
-def with_errors_of_orbit(found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions) -> Pivot:
+def with_errors_of_orbit(
+    found: PivotSolution, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> PivotSolution:
     """The solution with an error of the orbit among the unknowns, if its accuracy is told, or the tracks do not exclude
     what is likely where it is not, and the answer rests on it; likewise with a constant push.
     """
@@ -74,7 +76,7 @@ def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
     return (UntoldAccuracy(untold.get("m", 0.0), untold.get("m/s²", 0.0)),) if untold else ()
 
 
-def _doubtful(found: Pivot, path: ProcessNoisePath, force: Force, shares: Sequence[float]) -> float:
+def _doubtful(found: PivotSolution, path: ProcessNoisePath, force: Force, shares: Sequence[float]) -> float:
     """The first of some shares of a force's deviations that the tracks do not exclude, if the claim is much wider with
     it, at any frame in any direction; 0 if there is none.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.extended import factors_of, parts_of
+from baryscope.estimator.dynamics.extended_path import factors_of, parts_of
 from baryscope.estimator.dynamics.forces import ForcedPath
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
@@ -17,16 +17,16 @@ from baryscope.estimator.orbits.error import (
     InexactOrbitPath,
     with_orbit_error,
 )
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 
 def corrected_for_orbit(
-    found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions
-) -> Pivot | None:
+    found: PivotSolution, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> PivotSolution | None:
     """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise."""
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
@@ -39,7 +39,7 @@ def corrected_for_orbit(
     return corrected if corrected is not None and corrected.has(ORBIT_ERROR) else None
 
 
-def start_on(base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution) -> InitialSolution:
+def start_on(base: Path, path: ProcessNoisePath, found: PivotSolution, start: InitialSolution) -> InitialSolution:
     """The start at a solution on a base that has unknowns beside those of the path's own, which are zero."""
     wider = replace(path, base=base)
     x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))
@@ -47,8 +47,8 @@ def start_on(base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSol
 
 
 def refined_on(
-    base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution, options: PathOptions
-) -> Pivot | None:
+    base: Path, path: ProcessNoisePath, found: PivotSolution, start: InitialSolution, options: PathOptions
+) -> PivotSolution | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
     try:
         other = refined(start_on(base, path, found, start).near(found), options)
@@ -57,7 +57,7 @@ def refined_on(
     return other if other.converged else None
 
 
-def orbit_error_in(found: Pivot, base: Path) -> InexactOrbitPath | None:
+def orbit_error_in(found: PivotSolution, base: Path) -> InexactOrbitPath | None:
     """The error of the orbit on a path with another base, of the size that a solution has found, if it has one."""
     index = found.path.prior.index(ORBIT_ERROR)
     if index is None:
@@ -68,7 +68,7 @@ def orbit_error_in(found: Pivot, base: Path) -> InexactOrbitPath | None:
     return InexactOrbitPath(base, known, part.begin, part.end, True, size)
 
 
-def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
+def wrong_orbit(found: PivotSolution, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
     """The finding of a wrong orbit, if the path has an error of it and that is significant."""
     if orbit is None or not found.has(ORBIT_ERROR):
         return ()

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.extended import based_on
+from baryscope.estimator.dynamics.extended_path import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.estimated import on_estimated_orbit
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
-from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import gain_over
@@ -24,7 +24,9 @@ MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
 
 
-def with_estimated_orbit(found: Pivot, start: InitialSolution, options: PathOptions) -> tuple[Pivot, InitialSolution]:
+def with_estimated_orbit(
+    found: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution on an orbit that a smooth path itself tells, if it is likelier there, and its start."""
     fit = _orbit_of(found, options)
     if fit is None:
@@ -37,7 +39,7 @@ def with_estimated_orbit(found: Pivot, start: InitialSolution, options: PathOpti
     return (other, fresh) if other.converged and gain >= DECISIVE else (found, start)
 
 
-def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
+def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
     """The orbit that a smooth path may lie on; what is asked for as a polynomial stays one.
 
     Near the smooth path it is known how likely the orbit is, but where most of what the tracks tell there is spurious:
@@ -57,8 +59,8 @@ def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
 
 
 def _refined_on(
-    fit: OrbitFit, found: Pivot, start: InitialSolution, options: PathOptions
-) -> tuple[Pivot, InitialSolution]:
+    fit: OrbitFit, found: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution with the orbit's elements among the unknowns, about which the path is linearised until they are
     near, and its start.
 

@@ -6,22 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
-from baryscope.estimator.dynamics.extended import based_on
+from baryscope.estimator.dynamics.extended_path import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import orbit_in
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen import as_seen
+from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate_in
-from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
-from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
+from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
+from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.estimator.pivot.reduced import fixed_at
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import gain_over
@@ -34,8 +34,8 @@ NOTICEABLE = 4.0  # squared displacement of the answer by J2, in its covariance:
 
 
 def with_oblateness(
-    found: Pivot, start: InitialSolution, orbit: Orbit | None, options: PathOptions
-) -> tuple[Pivot, InitialSolution, Orbit | None]:
+    found: PivotSolution, start: InitialSolution, orbit: Orbit | None, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution, Orbit | None]:
     """The solution, its start and the orbit, with the Earth's J2 where the tracks show that the orbit told lacks it.
 
     J2 is a force of a known size. So the tracks tell it from none where they hardly tell process noise, of whose
@@ -68,7 +68,7 @@ def with_oblateness(
     return (found, start, orbit) if other is None else (other, fresh, either.orbit)
 
 
-def _start_on(path: Path, found: Pivot, x: FloatArray, start: InitialSolution) -> InitialSolution:
+def _start_on(path: Path, found: PivotSolution, x: FloatArray, start: InitialSolution) -> InitialSolution:
     """The start on another path, at the unknowns near x (p,) that bring it near that of a solution.
 
     Only those without a prior differ.
@@ -86,7 +86,7 @@ def _nearest(position: FloatArray, x: FloatArray, other: SampledPath, prior: Pri
     return moved
 
 
-def _refined(fresh: InitialSolution, found: Pivot, options: PathOptions) -> Pivot | None:
+def _refined(fresh: InitialSolution, found: PivotSolution, options: PathOptions) -> PivotSolution | None:
     """The solution on another path, from one near it; None if there is none."""
     try:
         other = refined(fresh.near(found), options)
@@ -107,7 +107,7 @@ class _ScoreTest:
     displacement: float
 
     @classmethod
-    def of(cls, found: Pivot, sampled: SampledPath, x: FloatArray) -> "_ScoreTest":
+    def of(cls, found: PivotSolution, sampled: SampledPath, x: FloatArray) -> "_ScoreTest":
         """That of a path sampled at the unknowns x (p,), near that of a solution.
 
         The shift from the one to the other, all of it or none, is an unknown. Of many frames some are looked at, each

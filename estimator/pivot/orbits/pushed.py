@@ -21,10 +21,10 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.push import PUSH, UnknownPushPath, unknown_push_in, with_any_push
-from baryscope.estimator.pivot.found import DECISIVE, SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, refined_on, start_on
-from baryscope.estimator.pivot.orbits.further import FurtherUnknowns
+from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
+from baryscope.estimator.pivot.pivot_solution import DECISIVE, SIGNIFICANT, PivotSolution
 from baryscope.estimator.pivot.reduced import fixed_at
 from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.orbit import Orbit
@@ -34,8 +34,8 @@ IntArray = NDArray[np.intp]
 
 
 def with_push(
-    found: Pivot, start: InitialSolution, orbit: Orbit | None, options: PathOptions
-) -> tuple[Pivot, InitialSolution]:
+    found: PivotSolution, start: InitialSolution, orbit: Orbit | None, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
     """The solution with a push among the unknowns, and its start, if the tracks show one.
 
     They do where they are likelier with it than with an error of the orbit, and than without by more than chance makes
@@ -61,14 +61,14 @@ def with_push(
     return pushed, start_on(likeliest, path, found, start)
 
 
-def push_in(found: Pivot, base: Path) -> UnknownPushPath | None:
+def push_in(found: PivotSolution, base: Path) -> UnknownPushPath | None:
     """The push on a path with another base, of the size that a solution has found, if it has one."""
     part, index = unknown_push_in(found.path), found.path.prior.index(PUSH)
     return None if part is None or index is None else part.of_size(base, float(found.posterior.theta[index]))
 
 
 def _likeliest(
-    found: Pivot, path: ProcessNoisePath, pushes: Sequence[UnknownPushPath], least: float
+    found: PivotSolution, path: ProcessNoisePath, pushes: Sequence[UnknownPushPath], least: float
 ) -> UnknownPushPath | None:
     """The likeliest of some pushes, to first order, with the solution's weights; None if none gains the least."""
     first = path.base.size

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.extended_path import factors_of
 from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, constant_of, lasting, untold_firings
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath

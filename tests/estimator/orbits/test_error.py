@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.extended_path import factors_of
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.orbits.error import with_orbit_error
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import LastStep
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
+from baryscope.estimator.pivot.pivot_solution import LastStep
 from baryscope.estimator.result import Status
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong

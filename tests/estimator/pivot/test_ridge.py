@@ -7,10 +7,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.ridge import Step, secant_step, with_ridges
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
@@ -25,7 +25,7 @@ CENTRE = np.array([4.0, -19.0, 3.0])
 LAST = 1e-4  # squared length of the last step, in units of the covariance
 
 
-def turned(noise: float, degrees: float, wobble: float = 0.0, frames: int = 12, seed: int = 2) -> Pivot:
+def turned(noise: float, degrees: float, wobble: float = 0.0, frames: int = 12, seed: int = 2) -> PivotSolution:
     """Four features on a body that turns by so many degrees in a minute, about AXIS or one that wobbles."""
     time = np.linspace(0.0, 60.0, frames)
     about = Rotation.from_rotvec(np.outer(np.deg2rad(wobble) * np.sin(time / 7), [0.0, 1.0, 0.0]))
@@ -66,7 +66,7 @@ def test_departures_are_those_of_the_least_squares_of_all_unknowns(degrees: floa
     np.testing.assert_allclose(grown, expected, atol=0.05 * np.trace(expected))  # its steps end before they are zero
 
 
-def held_at(found: Pivot, axis: FloatArray, place: float) -> FloatArray:
+def held_at(found: PivotSolution, axis: FloatArray, place: float) -> FloatArray:
     """The best centre of mass (3,) from that of a solution, m, with so many metres along an axis."""
     (body,), x = found.bodies, found.solution.x
     seen = found.observations.frames(body.frames).features(body.features)
@@ -95,7 +95,7 @@ def test_covariances_of_hardly_observable_cases_hold():
     assert sum(wrong(of_estimate(one, case.path)) for one in found) <= 1
 
 
-def settled(found: Pivot, *, lengthened: bool) -> tuple[int, FloatArray]:
+def settled(found: PivotSolution, *, lengthened: bool) -> tuple[int, FloatArray]:
     """How many steps it takes from a solution to rest, with its weights, and the centre of mass there."""
     bodies, x, last = found.bodies, found.solution.x, None
     for step in range(1000):

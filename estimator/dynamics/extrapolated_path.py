@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import based_on
+from baryscope.estimator.dynamics.extended_path import based_on
 from baryscope.estimator.dynamics.paths import Path, SmoothPath
 from baryscope.estimator.dynamics.sampled_path import IsotropicPath
 from baryscope.estimator.dynamics.trajectory import smooth_in
@@ -140,7 +140,7 @@ def _powers(away: FloatArray) -> FloatArray:
     return np.asarray(away[:, None] ** order / np.array([factorial(j) for j in order]))
 
 
-def going_on(path: Path, x: FloatArray, covariance: FloatArray) -> Path:
+def extrapolated(path: Path, x: FloatArray, covariance: FloatArray) -> Path:
     """The path, of which a smooth part goes on outside its time; x (p,) with their covariance (p, p): its unknowns."""
     smooth = smooth_in(path)
     if smooth is None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.registration.rods import find_rods
+from baryscope.estimator.registration.collinear import find_collinear
 
 COUNT, NOISE = 300, 0.01
 CENTRE = np.array([2.0, -15.0, 1.0])
@@ -26,7 +26,7 @@ def tumbling():
 
 def test_two_features_are_a_direction_and_a_place(tumbling):
     points = np.array([[0.5, 0.3, -0.2], [-0.3, 0.9, 0.1]])
-    found = find_rods(tracked(points, tumbling), np.ones((COUNT, 2), dtype=bool))
+    found = find_collinear(tracked(points, tumbling), np.ones((COUNT, 2), dtype=bool))
     (body,), (origin,) = found.bodies, found.origins
     assert body.in_line
     assert found.in_line
@@ -52,7 +52,7 @@ def test_what_is_on_the_line_joins_and_what_is_not_does_not(tumbling):
     used = np.ones((COUNT, 5), dtype=bool)
     used[::3, 2] = False
     used[::7, [0, 1, 2]] = False
-    found = find_rods(tracked(points, tumbling), used)
+    found = find_collinear(tracked(points, tumbling), used)
     body = found.bodies[0]
     np.testing.assert_array_equal(body.features, [0, 1, 2, 3])
     np.testing.assert_array_equal(body.frames, np.setdiff1d(np.arange(COUNT), np.arange(0, COUNT, 7)))
@@ -65,7 +65,7 @@ def test_of_pairs_the_one_that_tells_most_is_taken(tumbling):
     points = np.array([[0.5, 0.3, -0.2], [0.52, 0.3, -0.2], [-0.5, 0.9, 0.4]])
     used = np.ones((COUNT, 3), dtype=bool)
     used[::3, 2] = False
-    found = find_rods(tracked(points, tumbling), used)
+    found = find_collinear(tracked(points, tumbling), used)
     assert len(found.bodies) == 1
     assert 2 in found.bodies[0].features
     assert len(found.bodies[0].frames) == np.count_nonzero(used[:, 2])
@@ -74,4 +74,4 @@ def test_of_pairs_the_one_that_tells_most_is_taken(tumbling):
 def test_features_that_are_never_seen_together_are_no_rod(tumbling):
     used = np.zeros((COUNT, 2), dtype=bool)
     used[::2, 0] = used[1::2, 1] = True
-    assert find_rods(tracked(np.eye(3)[:2], tumbling), used) is None
+    assert find_collinear(tracked(np.eye(3)[:2], tumbling), used) is None

@@ -10,8 +10,8 @@ from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.reduced import scaled
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +32,7 @@ class FurtherUnknowns:
     at: FloatArray
 
     @classmethod
-    def of(cls, found: Pivot, columns: Callable[[IntArray], FloatArray]) -> "FurtherUnknowns":
+    def of(cls, found: PivotSolution, columns: Callable[[IntArray], FloatArray]) -> "FurtherUnknowns":
         """That of a solution; columns: indices (n,) of frames → what the path moves by there, (n, 3, c), m a unit."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()

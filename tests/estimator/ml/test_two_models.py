@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.ml.either import Odds, PredictedEither, with_other
+from baryscope.estimator.ml.two_models import Odds, PredictedEither, with_other
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Prediction
 from baryscope.study.population.second.cases import drawn, sampled

@@ -15,15 +15,15 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-MOST_RODS = 50  # features in lines that are looked for, one after the other
+MOST_LINES = 50  # features in lines that are looked for, one after the other
 SAMPLE = 2000  # frames in which distances tell which pair is long
 OFF_LINE = 5.0  # deviations of the noise, up to which a feature is on a line
-SLANT = 0.05  # of the rod's length: the same, for any noise
+SLANT = 0.05  # of the line's length: the same, for any noise
 OUT_OF_PLANE = 0.01  # mean square of the lines' directions along any axis, at least
 LENGTH = 3.0  # deviations of the noise, from which two features have a direction
 
 
-def find_rods(position: FloatArray, used: BoolArray) -> Registered | None:
+def find_collinear(position: FloatArray, used: BoolArray) -> Registered | None:
     """The bodies of features in a line in position (n, m, 3) in C, m, or None if there are none that tell a path.
 
     Lines tell one where they turn out of every plane: across a plane in which they stay, nothing but noise does.
@@ -37,7 +37,7 @@ def find_rods(position: FloatArray, used: BoolArray) -> Registered | None:
     np.fill_diagonal(spread, 0.0)
     bodies: list[Body] = []
     origins: list[FloatArray] = []
-    while len(bodies) < MOST_RODS:
+    while len(bodies) < MOST_LINES:
         together = left.T.astype(np.float64) @ left
         first, second = np.unravel_index(int(np.argmax(together * spread)), together.shape)
         if spread[first, second] == 0 or together[first, second] < (MIN_FRAMES if bodies else 1):
@@ -48,7 +48,7 @@ def find_rods(position: FloatArray, used: BoolArray) -> Registered | None:
             spread[first, second] = spread[second, first] = 0.0
             continue
         left[np.ix_(frames, features)] = False
-        body, origin = _rod(position, used, frames, features, places)
+        body, origin = _body(position, used, frames, features, places)
         bodies.append(body)
         origins.append(origin)
     return Registered(tuple(bodies), tuple(origins), noise, told.values) if _leave_planes(bodies) else None
@@ -63,7 +63,7 @@ def _leave_planes(bodies: list[Body]) -> bool:
 
 
 def _seen_length(used: BoolArray, places: FloatArray) -> FloatArray:
-    """The length (n,) of what is seen of a rod in each frame, m, for places (m,) of its features; −∞ where none is."""
+    """The length (n,) of what is seen of a line in each frame, m, for places (m,) of its features; −∞ where none is."""
     return np.asarray(np.where(used, places, -np.inf).max(axis=1) - np.where(used, places, np.inf).min(axis=1))
 
 
@@ -102,7 +102,7 @@ def _on_line(
     return features, np.array([places[feature] for feature in features.tolist()])
 
 
-def _rod(
+def _body(
     position: FloatArray, used: BoolArray, frames: IntArray, features: IntArray, places: FloatArray
 ) -> tuple[Body, FloatArray]:
     """The body, and its centroid's places (n, 3) in C, m."""

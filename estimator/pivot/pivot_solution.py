@@ -1,4 +1,4 @@
-"""What `pivot` has found: a solution with what its covariance, its findings and the other methods need of it."""
+"""`pivot` as a solution: what its covariance, its findings and the other methods need of it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +15,7 @@ from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInfo
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen import as_seen
+from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.findings import Finding
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.lost_bodies import LOST
@@ -44,7 +44,7 @@ class LastStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Pivot:
+class PivotSolution:
     """The solution of `pivot`, from which `ml` starts.
 
     path, and sampled at the tracks' times, (n,) in s, as the camera sees it; inliers (n, m): which observations passed
@@ -191,7 +191,7 @@ class Pivot:
         feigned = along.T @ self.shown_spurious.likely[own, own] @ along
         return float(np.linalg.eigvals(np.linalg.solve(directions @ along, feigned)).real.max())
 
-    def at_mean(self, errors: SharedErrors | None) -> "Pivot":
+    def at_mean(self, errors: SharedErrors | None) -> "PivotSolution":
         """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.
 
         It has the least expected error, but it is not where the iteration would end.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import ExtendedPath, Factor, named_factors, parts_of
+from baryscope.estimator.dynamics.extended_path import ExtendedPath, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath

@@ -21,8 +21,8 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
 from baryscope.estimator.pivot.drift import drift_equations
-from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
+from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError, Reason
@@ -30,19 +30,19 @@ from baryscope.models.errors import ComputationError, Reason
 FloatArray = NDArray[np.float64]
 
 MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
-NEAREST = 0.01  # of a rod's length: the distance of the centre of mass from its line, at least
+NEAREST = 0.01  # of the length of the line: the distance of the centre of mass from its line, at least
 
 
-def solution_of_rods(
-    rods: Registered, observations: Observations, sampled: SampledPath, prior: Prior
+def collinear_start(
+    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass and attitudes, and the path's x (p,), by linear least squares."""
-    frames = sum(len(body.frames) for body in rods.bodies)
-    roots = [_roots(body, rods.noise, frames) for body in rods.bodies]
-    equations = drift_equations(rods, roots, sampled, rods.noise)
+    frames = sum(len(body.frames) for body in registered.bodies)
+    roots = [_roots(body, registered.noise, frames) for body in registered.bodies]
+    equations = drift_equations(registered, roots, sampled, registered.noise)
     drift = replace(equations, values=sum(map(len, roots))).solved(prior)
     origin, bodies = sampled.position(drift.x), []
-    for body, centroid, offset in zip(rods.bodies, rods.origins, drift.offsets, strict=True):
+    for body, centroid, offset in zip(registered.bodies, registered.origins, drift.offsets, strict=True):
         apart = centroid - origin[body.frames]
         along = body.attitude[:, :, 2]
         across = apart - np.einsum("ki,ki->k", apart, along)[:, None] * along
@@ -52,10 +52,10 @@ def solution_of_rods(
 
 
 def _roots(body: Body, noise: float, frames: int) -> FloatArray:
-    """Those of what a rod tells in each frame, (n, 3, 3), for `drift_equations`.
+    """Those of what a line tells in each frame, (n, 3, 3), for `drift_equations`.
 
     Along the line, the place of the centre of mass; across it, that it is near, which all frames together tell as well
-    as the prior of an offset does. noise: of a coordinate along the line, m; frames: of all rods.
+    as the prior of an offset does. noise: of a coordinate along the line, m; frames: of all lines.
     """
     root = np.swapaxes(body.attitude, 1, 2).copy()
     root[:, :2] *= noise / (RADII * radius_of_many(body.points) * np.sqrt(frames))
@@ -81,12 +81,12 @@ def best_attitudes(own: Observations, points: FloatArray, origin: FloatArray) ->
     return np.asarray(matrix_from_quaternion(rotation_from_moments(moments)[0]))
 
 
-def spurious_share(found: Pivot) -> float:
+def spurious_share(found: PivotSolution) -> float:
     """The spurious information on the path over that on it, in the direction where it is greatest."""
     return float(np.linalg.eigvals(found.solution.covariance @ spurious_information(found).mean).real.max())
 
 
-def refuse_untold(found: Pivot, registered: Registered) -> None:
+def refuse_untold(found: PivotSolution, registered: Registered) -> None:
     """Check that features in a line tell the path by more than noise.
 
     Raises:
@@ -99,7 +99,7 @@ def refuse_untold(found: Pivot, registered: Registered) -> None:
         )
 
 
-def spurious_information(found: Pivot) -> SpuriousInformation:
+def spurious_information(found: PivotSolution) -> SpuriousInformation:
     """The spurious information on the path's x (p, p), in the weights' units; it scatters as the frames that give most.
 
     A frame does not see what moves the centre of mass across the plane in which it is with the line: the attitude
@@ -122,7 +122,7 @@ def spurious_information(found: Pivot) -> SpuriousInformation:
     return SpuriousInformation.of(total, max(effective_count(np.concatenate(sizes)), 1.0))
 
 
-def without_spurious_path(found: Pivot, least: float) -> FloatArray:
+def without_spurious_path(found: PivotSolution, least: float) -> FloatArray:
     """Columns A (3 k + p, d) by which the joint covariance of offsets and x grows, as A Aᵀ, without that information.
 
     least: the least information on the place of the centre of mass in a direction, in the weights' units.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
-from baryscope.estimator.dynamics.onward import going_on, untold_of
+from baryscope.estimator.dynamics.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.dynamics.paths import Polynomial, SmoothPath
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 
@@ -25,13 +25,13 @@ def parabola(time):
     return np.array([4.0, -19.0, 3.0]) + s * [0.5, 0.2, -0.3] + s**2 * [-0.2, 0.1, 0.1]
 
 
-def onward(path, degree=2, deviation=1e-9):
+def continued(path, degree=2, deviation=1e-9):
     x = coefficients(path, degree)
-    return going_on(SMOOTH, x, deviation**2 * np.diag(np.exp(-np.repeat(np.arange(DEGREE + 1.0), 3)))), x
+    return extrapolated(SMOOTH, x, deviation**2 * np.diag(np.exp(-np.repeat(np.arange(DEGREE + 1.0), 3)))), x
 
 
 def test_within_its_time_it_is_the_path_itself():
-    found, x = onward(parabola)
+    found, x = continued(parabola)
     time = np.linspace(BEGIN, END, 11)
     for own, expected in ((found.at, SMOOTH.at), (found.rate_at, SMOOTH.rate_at)):
         np.testing.assert_array_equal(own(time).position(x), expected(time).position(x))
@@ -43,7 +43,7 @@ def test_a_parabola_goes_on_as_one_where_its_polynomial_does_not():
     """A change of 1e-9 m of eighty coefficients is more than 1e30 m in the polynomial. Rounding of the first three, of
     some 1e-14 m, times the second derivatives of their polynomials, four over the half span squared.
     """
-    found, x = onward(parabola)
+    found, x = continued(parabola)
     claimed = np.sqrt(np.trace(untold_of(found, OUTSIDE)[:, :3, :3], axis1=1, axis2=2))
     assert claimed.max() < 1e-3
     np.testing.assert_allclose(found.at(OUTSIDE).position(x), parabola(OUTSIDE), atol=1e-6)
@@ -63,7 +63,7 @@ def test_derivatives_that_grow_go_on_growing(way):
     def growing(time):
         return np.exp(rate * (time[:, None] - (BEGIN + END) / 2)) * [1.0, -2.0, 0.5]
 
-    found, x = onward(growing, 40, 1e-6)
+    found, x = continued(growing, 40, 1e-6)
     ahead = (END if way > 0 else BEGIN) + way * SPAN * np.array([0.25, 0.5, 1.0])
     error = np.linalg.norm(found.at(ahead).position(x) - growing(ahead), axis=1)
     claimed = np.sqrt(np.trace(untold_of(found, ahead)[:, :3, :3], axis1=1, axis2=2))
@@ -73,14 +73,14 @@ def test_derivatives_that_grow_go_on_growing(way):
 
 def test_other_paths_go_on_as_they_are():
     cubic = Polynomial(3, BEGIN, END)
-    assert going_on(cubic, np.zeros(12), np.eye(12)) is cubic
+    assert extrapolated(cubic, np.zeros(12), np.eye(12)) is cubic
 
 
 def test_what_is_added_to_a_smooth_path_stays():
     path = ProcessNoisePath(SMOOTH, BEGIN, END, density=1e-9)
     x = np.append(coefficients(parabola, 2), np.zeros(3 * path.count))
     x[SMOOTH.size] = 0.1  # of the first mode, whose value is 2 and whose slope is 2 β tanh(β/2), β = 4.7300, at its end
-    found = going_on(path, x, 1e-24 * np.eye(path.size))
+    found = extrapolated(path, x, 1e-24 * np.eye(path.size))
     moved = found.at(OUTSIDE[3:]).position(x) - parabola(OUTSIDE[3:])
     assert found.size == path.size
     np.testing.assert_allclose(moved[:, 0], 0.2 + 0.2 * 4.7300 * 0.98250 * np.array([10.0, SPAN]) / SPAN, rtol=1e-4)
