@@ -1,11 +1,21 @@
 """What a result claims: departures are named, and covariances of models that do not fit hold the error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.claims import claimed
-from baryscope.estimator.findings import Departure, DisagreeingClusters, ExcessResiduals, FramesLeftOut, LackOfFit
+from baryscope.estimator.findings import (
+    Departure,
+    DisagreeingClusters,
+    ExcessResiduals,
+    Extrapolated,
+    FramesLeftOut,
+    LackOfFit,
+    UnknownBurn,
+)
 from baryscope.estimator.result import Motion, Noise, ProcessNoise, Status
 from free_paths import FEATURES, NOISE, on_parabola, turning
 from results import an_estimate
@@ -52,6 +62,25 @@ def test_misfits_widen_by_what_they_show():
     np.testing.assert_allclose(apart.covariance, 16 * plain.covariance)
     bent = claim_of(an_estimate(findings=(LackOfFit("fixed", 0.3, 90.0, 3),)))
     np.testing.assert_allclose(bent.covariance, plain.covariance + 0.03 * np.eye(3))
+
+
+@pytest.mark.parametrize(("share", "announced"), [(0.97, False), (1.03, True)])
+def test_a_burn_beyond_counts_as_its_mean_square_over_the_times_when_it_may_be(share, announced):
+    """Of one at a time that is uniform in the τ beyond the frames: ∫ (Δv t)² dt/τ = Δv² τ²/3, drawn here 10⁶ times to
+    0.1 %. It is named from where the variance is 3² times that within.
+    """
+    change, tau = np.array([1e-3, -2e-3, 2e-3]), 40.0
+    left = np.random.default_rng(0).uniform(0.0, tau, 1_000_000)
+    variance = float(np.mean(left**2)) * (change @ change)
+    frames, sigma = 50, np.sqrt(variance / share / 8 / 3)  # of what is within, which is there beyond, too
+    time = np.concatenate([np.linspace(0.0, 60.0, frames - 1), [60.0 + tau]])
+    used = np.tile(time[:, None] <= 60.0, (1, 4))
+    burn = UnknownBurn(30.0, 0.1, 31.0, 0.1, tuple(change), (1e-5, 1e-5, 1e-5))
+    covariance = np.tile(sigma**2 * np.eye(3), (frames, 1, 1))
+    plain = an_estimate(frames=frames, time=time, used=used, covariance=covariance, findings=(burn,))
+    plain = replace(plain, path="relative-orbit", residuals=np.where(used[..., None], 0.01, np.nan))
+    found = [one for one in claim_of(plain).findings if isinstance(one, Extrapolated)]
+    assert [(one.begin, one.end) for one in found] == [(0.0, 60.0)] * announced
 
 
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial:1"])

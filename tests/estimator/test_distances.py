@@ -24,6 +24,13 @@ def test_noise_alone_does_not_contradict(seed):
     assert not contradict(arms(seed), VARIANCE, EXACT, 0.0)
 
 
+def test_noise_contradicts_as_seldom_as_its_limit_says():
+    """Of 10,000 features each by itself one in 10,000 does; more than that makes 5 in less than a thousandth."""
+    noise = np.random.default_rng(4).normal(0.0, NOISE, (10_000, FRAMES, 1, 3))
+    wrong = sum(contradict(one + POINTS[0], VARIANCE[:, :1], EXACT, 0.0) for one in noise)
+    assert wrong <= binom.isf(1e-3, len(noise), 1e-4)
+
+
 def test_an_offset_that_turns_with_the_body_does_not_and_a_drift_does():
     arm = arms(1)
     assert not contradict(arm + (R @ [2.0, 0.0, 1.0])[:, None], VARIANCE, EXACT, 0.01)
@@ -32,6 +39,13 @@ def test_an_offset_that_turns_with_the_body_does_not_and_a_drift_does():
 
 def test_a_drift_that_is_allowed_for_does_not():
     assert not contradict(arms(1) + DRIFT[:, None], VARIANCE, DRIFT[:, :, None], 0.01)
+
+
+def test_a_path_that_is_off_by_the_same_all_the_time_allows_for_no_drift():
+    """Of a body at rest: such an error changes no distance, however uncertain it is."""
+    arm, off = POINTS + arms(1) - np.einsum("nij,mj->nmi", R, POINTS), np.tile([10.0, 5.0, -2.0], (FRAMES, 1))
+    assert not contradict(arm, VARIANCE, off[:, :, None], 0.01)
+    assert contradict(arm + DRIFT[:, None], VARIANCE, off[:, :, None], 0.01)
 
 
 def test_outliers_do_not():

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
 from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.findings import FreeAttitudes, UnknownPush
 from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.estimator.turning import carried, curved
@@ -34,6 +35,27 @@ def drifted(time, seed):
         state = np.array([[1, step], [0, 1]]) @ state + root @ rng.standard_normal((2, 3))
         states.append(state)
     return np.moveaxis(np.array(states), 1, 0)
+
+
+def test_an_error_of_the_velocity_moves_what_is_beyond_and_is_correlated_with_it():
+    """Of p + v τ and v, for independent p and v: [σp² + σv² τ², σv² τ; σv² τ, σv²], before the tracks with τ < 0."""
+    plain, by = an_estimate(), Widening(2.0, 0.09, 0.04)
+    known = PredictedPath(Polynomial(0, 0.0, 9.0), np.zeros(3), np.eye(3), 0.0, 9.0)
+    found = with_wider(replace(plain, predictor=known), plain.covariance, plain.clusters, plain.motion, by)
+    for time, tau in ((-5.0, -5.0), (4.0, 0.0), (12.0, 3.0)):
+        own = [[2.0 + 0.09 + 0.04 * tau**2, 0.04 * tau], [0.04 * tau, 0.04]]
+        np.testing.assert_allclose(found.predict(time).covariance[0], np.kron(own, np.eye(3)), atol=1e-12)
+
+
+def test_what_few_modes_leave_out_stands_in_the_covariance():
+    """Of q ∫∫ dW less its straight line the mean variance is q T³/420, as that of a position on a beam: what is not in
+    two modes is in the others, of which those beyond the ninth of their number have a seven-hundredth of it.
+    """
+    path = ProcessNoisePath(Polynomial(1, 0.0, 20.0), 0.0, 20.0, 2)
+    known = PredictedPath(path, np.zeros(path.size), np.zeros((path.size, path.size)), 0.0, 20.0, DENSITY)
+    added = known.added((np.arange(4000) + 0.5) * 20.0 / 4000)[:, :3, :3].mean(axis=0)
+    modes = DENSITY * np.exp(path.prior.offset[6::3]).sum()
+    np.testing.assert_allclose(added, (DENSITY * 20.0**3 / 420 - modes) * np.eye(3), rtol=0.01, atol=1e-12)
 
 
 @pytest.fixture(scope="module")

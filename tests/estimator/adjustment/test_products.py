@@ -57,3 +57,12 @@ def test_negligible_products_have_no_patterns():
     assert known[-1]
     assert not known[0]
     assert not are_negligible(own @ np.swapaxes(own, 1, 2), offset, np.zeros((10, 3, 3)))
+
+
+@pytest.mark.parametrize(("offset_axis", "negligible"), [(2, True), (0, False)])
+def test_products_along_one_axis_are_none(offset_axis, negligible):
+    """φ × δ is zero where both are along z, whatever their sizes, and a metre where one radian is across one metre."""
+    turns = np.zeros((10, 3, 3))
+    turns[:, 2, 2] = 1.0
+    offset = np.diag(np.eye(3)[offset_axis])
+    assert are_negligible(turns, offset, np.tile(1e-4 * np.eye(3), (10, 1, 1))) == negligible

@@ -7,6 +7,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
+    FRAMES,
     NoisyAttitudes,
     OffsetPrior,
     SpuriousInformation,
@@ -82,6 +83,23 @@ def test_the_margin_is_that_of_the_frames_which_give_most():
         weight[7, 3] = 0.0
     np.testing.assert_allclose(factors[0], np.sqrt(2 / 40))
     np.testing.assert_allclose(factors[1], np.sqrt(2), rtol=0.12)
+
+
+def test_frames_that_are_passed_over_count_as_those_that_are_looked_at():
+    """Of a body that does not turn every frame gives the same: the sum is that of one times their number, and so is
+    how many values it has.
+    """
+    count, points = 2 * FRAMES + 2, np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    found = []
+    for frames in (count, 1):
+        body = Body(np.arange(3), np.arange(frames), points, np.tile(np.eye(3), (frames, 1, 1)))
+        observations = Observations(np.tile(points, (frames, 1, 1)), np.ones((frames, 3)))
+        noisy = NoisyAttitudes.of(body, observations, np.zeros((frames, 3)), 1e-8)
+        assert len(noisy.frames) == min(frames, count // 2)
+        found.append(noisy.spurious_information())
+    many, one = found
+    np.testing.assert_allclose(many.mean, count * one.mean)
+    np.testing.assert_allclose(many.deviation, np.sqrt(2 / count) * many.mean)
 
 
 def test_products_of_errors_against_random_ones():
