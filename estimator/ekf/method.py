@@ -13,8 +13,8 @@ is `pivot`'s, a smooth one with a prior or the motion on the orbit that it estim
 
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -68,21 +68,17 @@ def estimate_by_filter(
     """
     begin = clock.perf_counter()
     _refuse_forces(options)
+    task = _Task(tracks, orbit, options, Rounds(progress))
     found: Passes | None = None
-
-    @cache
-    def whole() -> PivotProblem:
-        return PivotProblem.of(tracks, orbit, options)
-
     try:
-        found = _filtered(tracks, orbit, options, whole, progress)
+        found = _filtered(task)
         if found.converged:
             answer = answer_of(found, begin)
-            return replace(answer, findings=answer.findings + _findings_on_orbit(found.problem.path, orbit, whole))
+            return replace(answer, findings=answer.findings + _findings_on_orbit(task, found.problem.path))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
-    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(tracks, options, whole, begin)
+    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(task, begin)
     if free is not None and (found is None or free.converged):
         return replace(free, method="ekf", findings=(*free.findings, FreeAttitudes(str(failure))))
     if found is None:
@@ -90,96 +86,148 @@ def estimate_by_filter(
     return answer_of(found, begin)
 
 
-def _with_free_attitudes(
-    tracks: FeatureTracks, options: PathOptions, whole: Callable[[], PivotProblem], begin: float
-) -> Estimate | None:
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What the filter is asked for; rounds: told of each pass."""
+
+    tracks: FeatureTracks
+    orbit: Orbit | None
+    options: PathOptions
+    rounds: Rounds
+
+    @cached_property
+    def pivot(self) -> PivotProblem:
+        """The problem of `pivot`, with all options, which is solved where it is needed first.
+
+        Raises:
+            ComputationError: the tracks do not determine the unknowns.
+        """
+        return PivotProblem.of(self.tracks, self.orbit, self.options)
+
+    def path(self, trajectory: Trajectory, orbit: Orbit | None) -> Path:
+        """The path of a trajectory on an orbit, over the tracks, with the known acceleration."""
+        time = self.tracks.time
+        return trajectory.path(orbit, float(time[0]), float(time[-1]), self.options.acceleration)
+
+
+def _with_free_attitudes(task: _Task, begin: float) -> Estimate | None:
     """The estimate of `pivot`; None if there is none."""
     try:
-        return estimate_of(whole().solved, tracks, options, begin)
+        return estimate_of(task.pivot.solved, task.tracks, task.options, begin)
     except ComputationError:
         return None
 
 
-def _filtered(
-    tracks: FeatureTracks,
-    orbit: Orbit | None,
-    options: PathOptions,
-    whole: Callable[[], PivotProblem],
-    progress: Progress,
-) -> Passes:
+def _filtered(task: _Task) -> Passes:
     """The passes from the first start from which they come to rest, else from the first that leads anywhere.
-
-    whole: the problem of `pivot`, with all options, solved where it is needed.
 
     Raises:
         ComputationError: none does, or the tracks do not determine the unknowns, or there are too many.
     """
-    trajectory, span = trajectory_of(options.trajectory, orbit), (float(tracks.time[0]), float(tracks.time[-1]))
-    path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
-    measured, rounds, torques = observations_of(tracks, tracks.seen), Rounds(progress), torques_of(orbit, options)
-    solved = whole().solved if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
-    if solved is not None:
-        trajectory, told = replace(trajectory, highest=highest_degree(solved.path)), estimated_orbit_in(solved.path)
-        path = _with_burns_of(solved, told or trajectory.path(orbit, *span, options.acceleration))
-        if told is not None:
-            on_orbit, torques = True, torques_of(told.orbit, options)
-    theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
+    model = _Model.of(task)
+    try:
+        found = _first_of(model.starts(), model.passes)
+    except ComputationError as error:
+        if error.reason is Reason.TOO_LARGE or (other := model.passes_from_likeliest_tumble()) is None:
+            raise
+        found = other
+    if not found.converged:
+        found = model.passes_from_likeliest_tumble() or found
+    return _with_untold_forces(task, found, model.trajectory) if model.on_orbit else found
 
-    def followed(start: Start, tracks: FeatureTracks = tracks, measured: Observations = measured) -> Passes:
-        _refuse_effort(len(start.nodes.frames), len(start.nodes.time), tracks.seen.shape[1])
-        rounds.did(0.5)
-        return passes(
-            Problem(
-                tracks=tracks,
-                options=options,
-                measured=measured,
-                start=start,
-                path=path,
-                on_orbit=on_orbit,
-                theta=theta,
-                rounds=rounds,
-            )
-        )
 
-    def better() -> Passes | None:
-        """From the tumble that `ml` finds: its steps are damped, and arrive from where passes do not."""
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What the first passes assume.
+
+    solved: the solution of `pivot` whose attitudes they start from, None if there is none; path without noise, and of
+    which trajectory; on_orbit: whether it is a motion there; torques: the gravity gradients that may act.
+    """
+
+    task: _Task
+    measured: Observations
+    solved: PivotSolution | None
+    trajectory: Trajectory
+    path: Path
+    on_orbit: bool
+    torques: tuple[Orbit | None, ...]
+
+    @classmethod
+    def of(cls, task: _Task) -> "_Model":
+        """The model for tracks: a path with hyperparameters is that of `pivot`, as far as it has solved the problem.
+
+        Raises:
+            ComputationError: it has to, but the tracks do not determine the unknowns.
+        """
+        tracks, orbit, options = task.tracks, task.orbit, task.options
+        trajectory = trajectory_of(options.trajectory, orbit)
+        path, on_orbit = task.path(trajectory, orbit), trajectory.kind == "relative-orbit"
+        measured, torques = observations_of(tracks, tracks.seen), torques_of(orbit, options)
+        solved = task.pivot.solved if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
+        if solved is not None:
+            trajectory = replace(trajectory, highest=highest_degree(solved.path))
+            estimated = estimated_orbit_in(solved.path)
+            path = _with_burns_of(solved, estimated or task.path(trajectory, orbit))
+            if estimated is not None:
+                on_orbit, torques = True, torques_of(estimated.orbit, options)
+        return cls(task, measured, solved, trajectory, path, on_orbit, torques)
+
+    def starts(self) -> Iterator[Start]:
+        """See `starts`."""
+        return starts(self.task.tracks, self.measured, self.solved, self.torques)
+
+    def passes(self, start: Start) -> Passes:
+        """The passes from a start.
+
+        Raises:
+            ComputationError: they lead nowhere, or there are too many unknowns.
+        """
+        return self._passes(start, self.task.tracks, self.measured)
+
+    def passes_from_likeliest_tumble(self) -> Passes | None:
+        """Those from the tumble that `ml` finds, whose steps are damped, and arrive from where passes do not; None
+        where these do not come to rest.
+        """
+        task = self.task
         try:
-            points, _, best = likeliest_tumble(tracks, whole().solved, torques, options, rounds)
-            found = followed(start_of(points, best), points, observations_of(points, points.seen))
+            tracks, _, best = likeliest_tumble(task.tracks, task.pivot.solved, self.torques, task.options, task.rounds)
+            found = self._passes(start_of(tracks, best), tracks, observations_of(tracks, tracks.seen))
         except ComputationError:
             return None
         return found if found.converged else None
 
-    try:
-        found = _first_of(starts(tracks, measured, solved, torques), followed)
-    except ComputationError as error:
-        if error.reason is Reason.TOO_LARGE or (other := better()) is None:
-            raise
-        found = other
-    if not found.converged:
-        found = better() or found
-    return _with_untold_forces(found, orbit, trajectory, whole) if on_orbit else found
+    def _passes(self, start: Start, tracks: FeatureTracks, measured: Observations) -> Passes:
+        """The passes over the tracks, or over those with new labels where some were used twice."""
+        _refuse_effort(len(start.nodes.frames), len(start.nodes.time), tracks.seen.shape[1])
+        self.task.rounds.did(0.5)
+        return passes(
+            Problem(
+                tracks=tracks,
+                options=self.task.options,
+                measured=measured,
+                start=start,
+                path=self.path,
+                on_orbit=self.on_orbit,
+                theta=np.array([_found(self.solved, one.name) for one in self.path.prior.hyperparameters]),
+                rounds=self.task.rounds,
+            )
+        )
 
 
-def _with_untold_forces(
-    found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], PivotProblem]
-) -> Passes:
+def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> Passes:
     """The passes with J2, a push and errors of the orbit if `pivot` finds them, or does not tell them from none, and
-    where the path has process noise with the burns that it finds, or that the attitudes show; whole: its problem, with
-    all options.
+    where the path has process noise with the burns that it finds, or that the attitudes show.
     """
-    problem = found.problem
-    options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
+    problem, orbit, noise = found.problem, task.orbit, process_noise_of(found)
     noisy = (noise.significance or 0.0) >= SIGNIFICANT
     if not noisy and (orbit is None or (orbit.with_earths_j2() is None and orbit.accuracy == 0)):
         return found
     try:
-        of_pivot, path = whole(), problem.path
-        burned = _by_attitudes(of_pivot, found) if noisy else None
-        solved = (burned or of_pivot).solved
+        path = problem.path
+        burned = _by_attitudes(task.pivot, found) if noisy else None
+        solved = (burned or task.pivot).solved
         if untold_oblateness(orbit, solved.path):
-            oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
-            path = perhaps_oblate_in(solved.path) or oblate
+            path = perhaps_oblate_in(solved.path) or task.path(trajectory, orbit_in(solved.path))
         path = push_in(solved, path) or path
         for part in reversed(inexact_parts(solved.path)):
             path = replace(part, base=path)
@@ -200,16 +248,16 @@ def _by_attitudes(problem: PivotProblem, found: Passes) -> PivotProblem | None:
     return problem.with_burns_of(points, at.attitude[frames], at.origin[frames], last.weight, last.residual_variance)
 
 
-def _findings_on_orbit(path: Path, orbit: Orbit | None, whole: Callable[[], PivotProblem]) -> tuple[Finding, ...]:
+def _findings_on_orbit(task: _Task, path: Path) -> tuple[Finding, ...]:
     """What `pivot` has found of the orbit, as far as the path has it."""
-    corrected = _of_pivot(whole, WrongOrbit) if inexact_parts(path) else ()
-    pushed = _of_pivot(whole, UnknownPush) if unknown_push_in(path) is not None else ()
-    return pushed + untold_oblateness(orbit, path) + untold_accuracy(path) + corrected
+    corrected = _of_pivot(task, WrongOrbit) if inexact_parts(path) else ()
+    pushed = _of_pivot(task, UnknownPush) if unknown_push_in(path) is not None else ()
+    return pushed + untold_oblateness(task.orbit, path) + untold_accuracy(path) + corrected
 
 
-def _of_pivot(whole: Callable[[], PivotProblem], kind: type[Finding]) -> tuple[Finding, ...]:
-    """Its findings of a kind."""
-    return tuple(one for one in whole().solved.findings if isinstance(one, kind))
+def _of_pivot(task: _Task, kind: type[Finding]) -> tuple[Finding, ...]:
+    """The findings of `pivot` of a kind."""
+    return tuple(one for one in task.pivot.solved.findings if isinstance(one, kind))
 
 
 def _with_burns_of(solved: PivotSolution, path: Path) -> Path:
