@@ -121,3 +121,18 @@ def test_what_is_not_known_of_a_start_is_sought_in_its_range():
     for start in (np.full(2, np.nan), np.array([best[0], np.nan]), np.array([np.nan, best[1]])):
         for search in (maximise, improved):
             np.testing.assert_allclose(search(linear, prior, start), best, atol=0.02)
+
+
+@pytest.mark.parametrize(("ratio", "kept"), [(5.5, False), (6.5, True)])
+def test_an_optional_hyperparameter_is_given_up_unless_it_is_five_times_as_likely(ratio, kept):
+    """Of one unknown beside a free one −2 ln p is ln(1 + λ v) − u² v/(1 + λ v): least, by r − 1 − ln r, at 1 + λ v = r,
+    where r is u²/λ.
+
+    A range of ten without an effect beside one of two that holds the mass of a maximum: 2 ln 5 = 3.2, of 2.8 and 3.6.
+    """
+    information = 4.0
+    rhs = np.array([0.0, np.sqrt(ratio * information)])
+    linear = GaussianLikelihood(information * np.eye(2), rhs, np.zeros(2))
+    prior = Prior.none(1).joined(Prior(np.zeros(1), np.ones((1, 1)), (Hyperparameter("scale", optional=True),)))
+    [found], [[none, _]] = maximise(linear, prior), ranges(linear, prior)
+    assert found == pytest.approx(np.log((ratio - 1) / information) if kept else none, abs=1e-3)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
-from baryscope.estimator.ekf.bank import DECADES, Axis, Bank, Member
+from baryscope.estimator.ekf.bank import DECADES, Axis, Bank, Member, level_of
 
 NONE = Axis(1.0, "none")
 
@@ -50,3 +51,10 @@ def test_a_density_that_is_given_is_the_only_one():
     members, probability = bank.posterior(best)
     assert members == [best]
     assert probability.tolist() == [1.0]
+
+
+def test_the_level_is_the_density_that_moves_by_a_variance():
+    """Of white acceleration q the variance of a place is q ∫ (T − t)² dt after T."""
+    variance, span = 0.04, 30.0
+    moved = quad(lambda t: (span - t) ** 2, 0.0, span)[0]
+    assert level_of(variance, span) * moved == pytest.approx(variance)

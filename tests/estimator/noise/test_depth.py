@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import DepthNoise
-from baryscope.estimator.noise.depth import depth_ratio
+from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
 from baryscope.estimator.result import Status
 
 TIME = np.arange(300.0)
@@ -66,6 +66,12 @@ def across_the_sight(seed, ratio, lever=0.3, shake=0.0, memory=0.0):
 def normalised_square(found, centre=CENTRE):
     error = found.position[0] - centre
     return float(error @ np.linalg.solve(found.covariance[0], error))
+
+
+def test_deviations_have_their_ratio_and_their_root_mean_square():
+    across, along = DepthRatio(RATIO, of_rig=False, distance=20.0).deviations(ACROSS)
+    assert along / across == pytest.approx(RATIO)
+    assert (2 * across**2 + along**2) / 3 == pytest.approx(ACROSS**2)
 
 
 def test_what_no_covariance_tells_is_found_and_used():

@@ -42,6 +42,14 @@ def test_products_with_both_squares_are_taken_from_squares():
     assert "slow_circle" in text
 
 
+@pytest.mark.parametrize(("first", "second"), [(X[0], X[0] * X[1]), (X[0] * X[1], X[0])])
+def test_a_product_comes_after_both_of_its_operands(first, second):
+    """Whichever is deeper: sums of products x₀ (x₀ x₁) come in a level of their own, behind those of x₀ x₁."""
+    text = source(first * second, X[1], X[2])
+    levels = [text.index(f"Rows{level} rows{level}[") for level in (1, 2)]
+    assert levels == sorted(levels)
+
+
 @pytest.mark.parametrize("rate", [0.0, 0.002, 0.02, 0.2])
 @pytest.mark.parametrize("eccentricity", [0.0, 0.6])
 def test_the_attitude_under_the_gravity_gradient(envisat, envisat_fmu, rate, eccentricity):
