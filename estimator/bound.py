@@ -247,7 +247,7 @@ class Truth:
 
     @classmethod
     def of(cls, scenario: Scenario, time: FloatArray) -> "Truth":
-        """That at times (n,), s."""
+        """The truth at times (n,), s."""
         rotation = _rotation(scenario, float(time[0] + time[-1]) / 2)
         points = np.array([point.position for point in scenario.features.points])
         return cls(rotation, rotation.at(time), _origin(scenario, time), points)

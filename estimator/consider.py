@@ -58,7 +58,7 @@ class _Effects:
 
     @classmethod
     def of(cls, time: FloatArray, errors: SharedErrors) -> "_Effects":
-        """Those of a camera's errors."""
+        """The effects of a camera's errors at times (n,)."""
         stretch = np.zeros(len(errors.deviations))
         if errors.scale is not None:
             stretch[errors.scale] = errors.rig.scale_deviation

@@ -57,7 +57,7 @@ class Prediction:
 
     @classmethod
     def of(cls, time: FloatArray, state: FloatArray, covariance: FloatArray) -> "Prediction":
-        """That of position and velocity (n, 6)."""
+        """The prediction of position and velocity (n, 6), with their covariance (n, 6, 6)."""
         return cls(time, state[:, :3], state[:, 3:], covariance)
 
     def widened(self, by: "Widening", begin: float, end: float) -> "Prediction":

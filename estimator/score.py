@@ -83,11 +83,11 @@ class _RestFrame:
         return np.broadcast_to(self.R_C_W @ point_W, (len(self.rate), 3)).copy()
 
     def velocity(self, point_W: FloatArray) -> FloatArray:
-        """Its velocities (n, 3) in C, per second."""
+        """The velocities (n, 3) in C, m/s, of a point (3,) that is at rest in W."""
         return np.broadcast_to(self.R_C_W @ np.cross([0.0, 0.0, 1.0], point_W), (len(self.rate), 3)) * self.rate
 
     def covariance(self, covariance_W: FloatArray) -> FloatArray:
-        """The covariances (n, 3, 3) in C of its position, from that (3, 3) in W."""
+        """The covariances (n, 3, 3) in C of a point's positions, from that (3, 3) in W."""
         in_C = self.R_C_W @ covariance_W @ np.swapaxes(self.R_C_W, 1, 2)
         return np.broadcast_to(in_C, (len(self.rate), 3, 3)).copy()
 

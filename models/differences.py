@@ -27,7 +27,7 @@ class Pair:
 
     @property
     def other(self) -> Symbol:
-        """Its value in the second."""
+        """The value in the second system."""
         return self.base + self.excess
 
     def __add__(self, right: "Operand") -> "Pair":

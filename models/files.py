@@ -58,7 +58,7 @@ def replacing(path: AnyPath) -> Iterator[Path]:
 
 
 def _permissions(path: Path) -> int:
-    """Those of a file that is there, or of a new one."""
+    """The permissions of a file that is there, or those of a new one."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:

@@ -56,7 +56,7 @@ class _AttitudeSeries:
     def of(
         cls, body: Body, observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None
     ) -> "_AttitudeSeries":
-        """That of a body; time (n,) of all frames, s."""
+        """The attitudes of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
         own_shifts = shifts_in(shifts, body.frames)
         information = attitude_information(own, body.attitude, body.points, own_shifts)
@@ -205,7 +205,7 @@ def _departures(turning: _AttitudeSeries) -> tuple[FloatArray, BoolArray]:
 
 
 def _departures_from(turning: _AttitudeSeries, degree: int) -> tuple[FloatArray, BoolArray]:
-    """Those from fits of one degree, at ascending times.
+    """Departures of attitudes from fits of one degree, at ascending times.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
     squares, whose residuals say how well.

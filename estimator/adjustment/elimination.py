@@ -95,7 +95,7 @@ def chunks_of(body: Body) -> Iterator[slice]:
 
 
 def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
-    """That of observations of the same weight along all axes, without shifts."""
+    """The elimination for observations of the same weight along all axes, without shifts."""
     path, m = frames.path, len(body.features)
     arms = cross_matrices(body.points)
     attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
@@ -140,7 +140,7 @@ def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: 
 
 
 def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
-    """That of observations with precisions, or of frames with shifts, which are eliminated by Woodbury's formula."""
+    """The elimination for observations with precisions, or frames with shifts: these by Woodbury's formula."""
     path, m = frames.path, len(body.features)
     attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
     total = ReducedEquations.zero(path.size, 3 * m)

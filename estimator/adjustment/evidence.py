@@ -56,7 +56,7 @@ class GaussianLikelihood:
 
     @cached_property
     def squares(self) -> FloatArray:
-        """Those of x, (p,)."""
+        """The squares of x, (p,)."""
         return self.x * self.x
 
     def among(self, loose: BoolArray) -> "tuple[GaussianLikelihood, float]":

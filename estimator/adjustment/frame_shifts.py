@@ -26,10 +26,10 @@ class FrameShifts:
     def of(
         cls, errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float, lasting: float
     ) -> "FrameShifts | None":
-        """Those by noise of the camera's attitude, and by slip, white noise of the position of this variance in m².
+        """The shifts by noise of the camera's attitude, and by white noise of the position.
 
-        None where there is neither. origin (n, 3) in C, m: the path; variance: of an observation of weight 1 in a frame
-        by itself, in m² or 1.
+        None where there is neither. slip: variance of the latter, m²; origin (n, 3) in C, m: the path;
+        variance: of an observation of weight 1 in a frame by itself, in m² or 1.
         """
         noisy = errors is not None and errors.noisy
         if not (noisy or slip > 0) or not np.isfinite(variance):
@@ -43,7 +43,7 @@ class FrameShifts:
         return np.asarray(np.swapaxes(attitude, 1, 2) @ self.covariance @ attitude)
 
     def among_all(self, attitude: FloatArray) -> FloatArray:
-        """The same in what all frames tell together."""
+        """The covariance (n, 3, 3) in B of attitudes (n, 3, 3) R_C_B, in what all frames tell together."""
         return self.in_body(attitude) / self.lasting
 
 

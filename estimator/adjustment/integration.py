@@ -208,7 +208,7 @@ class _Mixture:
 
     @classmethod
     def of(cls, linear: GaussianLikelihood, prior: Prior, points: list[FloatArray], weight: FloatArray) -> "_Mixture":
-        """That at the points; weights (k,) of sum 1."""
+        """The mixture of the posteriors at the points; weights (k,) of sum 1."""
         means, within = [], np.zeros_like(linear.information)
         for share, at in zip(weight, points, strict=True):
             own, covariance = conditional(linear, prior, at)

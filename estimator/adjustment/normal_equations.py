@@ -178,7 +178,7 @@ class _Isotropic:
 
     @classmethod
     def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Isotropic":
-        """Those of points (m, 3) in B, for origins (n, 3) in C."""
+        """The blocks of points (m, 3) in B, for origins (n, 3) in C."""
         w, arms = np.asfortranarray(observations.weight), cross_matrices(points)
         offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
         weighted = w[:, :, None] * offset
@@ -224,7 +224,7 @@ class _Anisotropic:
     def of(
         cls, observations: Observations, precision: FloatArray, origin: FloatArray, points: FloatArray
     ) -> "_Anisotropic":
-        """Those of points (m, 3) in B, for origins (n, 3) in C."""
+        """The blocks of points (m, 3) in B, for origins (n, 3) in C."""
         w = np.asfortranarray(observations.weight)
         offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
         weighted = w[:, :, None, None] * np.asfortranarray(precision)

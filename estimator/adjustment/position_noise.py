@@ -43,7 +43,7 @@ class _Shifts:
 
     @classmethod
     def of(cls, information: FloatArray, rhs: FloatArray, variance: float) -> "_Shifts":
-        """Those of spans of information (n, 3, 3) and right-hand sides (n, 3) in C, for a variance of weight 1."""
+        """The shifts of spans of information (n, 3, 3) and right-hand sides (n, 3) in C, for a variance of weight 1."""
         along, axes = np.linalg.eigh(information)
         known = along > 1e-9 * along[:, -1:]
         moved = (np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0]
@@ -103,7 +103,7 @@ def _of_frames(body: Body, observations: Observations, origin: FloatArray) -> tu
 
 
 def _summed(information: FloatArray, rhs: FloatArray, span: int) -> tuple[FloatArray, FloatArray]:
-    """Those of spans of so many frames."""
+    """Information and right-hand sides of spans of so many frames."""
     if span == 1:
         return information, rhs
     begins = np.arange(0, len(rhs), span)

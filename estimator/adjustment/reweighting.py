@@ -44,7 +44,7 @@ class Mixture:
 
     @classmethod
     def few(cls, squares: FloatArray, share: float, least: float) -> "Mixture":
-        """That of squared residuals (k,) of weight 1, with the noise that the median shows.
+        """The mixture of squared residuals (k,) of weight 1, with the noise that the median shows.
 
         share: degrees of freedom over values, by which residuals are smaller than the noise; least: lower bound of the
         variance, for residuals that are rounding.
@@ -53,7 +53,7 @@ class Mixture:
 
     @classmethod
     def of(cls, squares: FloatArray, share: float, least: float) -> "Mixture":
-        """That of residuals which may tell many outliers near by; see `few`."""
+        """The mixture of residuals which may tell many outliers near by; see `few`."""
         usual = float(np.median(squares)) / (MEDIAN * share)
         if (
             usual > least

@@ -46,7 +46,7 @@ class SpuriousInformation:
 
     @classmethod
     def of_each(cls, parts: Iterable["SpuriousInformation"]) -> "SpuriousInformation":
-        """That on the unknowns of all parts, one after the other, each with information of its own."""
+        """Spurious information on the unknowns of all parts, one after the other, each with information of its own."""
         means, deviations = zip(*((part.mean, part.deviation) for part in parts), strict=True)
         return cls(np.asarray(block_diag(*means)), np.asarray(block_diag(*deviations)))
 
@@ -56,11 +56,11 @@ class SpuriousInformation:
         return self.mean + MARGIN * self.deviation
 
     def __add__(self, other: "SpuriousInformation") -> "SpuriousInformation":
-        """Both, as if they scattered together."""
+        """The sum of both, as if they scattered together."""
         return SpuriousInformation(self.mean + other.mean, self.deviation + other.deviation)
 
     def scaled(self, factor: float) -> "SpuriousInformation":
-        """That times a factor."""
+        """Spurious information times a factor."""
         return SpuriousInformation(factor * self.mean, factor * self.deviation)
 
 
@@ -260,7 +260,7 @@ class NoisyAttitudes:
         variance: float,
         shifts: FrameShifts | None = None,
     ) -> "NoisyAttitudes":
-        """Those of a body.
+        """The attitudes of a body.
 
         origin (n, 3): the path in C, m; variance: of an observation of weight 1; shifts: of the n frames.
         """
@@ -291,7 +291,7 @@ class NoisyAttitudes:
         return SpuriousInformation.of(self.every * turned_information(known, turned), max(frames, 1.0))
 
     def of_known(self) -> "NoisyAttitudes":
-        """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""
+        """The attitudes of the frames that know theirs: of others, as where features are outliers, C says nothing."""
         kept = self.greatest < UNKNOWN**2
         return NoisyAttitudes(
             self.every,

@@ -73,7 +73,7 @@ def varies_with_range(measured: Observations, estimated: FloatArray, noise: Nois
 
 
 def _without_means(values: FloatArray, seen: BoolArray) -> FloatArray:
-    """Those (n, m, d) that are seen (n, m), as rows (k, d), without means of features, whose variance is their own, and
+    """The seen (n, m) of values (n, m, d), as rows (k, d), without means of features, whose variance is their own, and
     of frames, whose place may be wrong.
     """
     values = np.where(seen[..., None], values, 0.0)
@@ -103,7 +103,7 @@ class StereoNoise:
 
     @classmethod
     def of(cls, measured: Observations) -> "StereoNoise":
-        """That of observations with precisions."""
+        """The noise of observations with precisions."""
         assert measured.precision is not None  # noqa: S101  as its caller has seen
         position = np.asfortranarray(measured.position)
         sighted = (np.asfortranarray(measured.weight) > 0) & (np.linalg.norm(position, axis=2) > NEAREST)

@@ -40,7 +40,7 @@ class SharedErrors:
 
     @classmethod
     def of(cls, attitude: FloatArray, rig: Rig) -> "SharedErrors":
-        """Those of a rig with the attitude (n, 3, 3), placed by its lever arm from the chaser's centre of mass."""
+        """The errors of a rig with the attitude (n, 3, 3), placed by its lever arm from the chaser's centre of mass."""
         return cls(attitude, attitude @ (_lever_axes(rig) @ np.array(rig.lever_arm)), rig)
 
     @cached_property

@@ -44,7 +44,7 @@ class ExtendedPath:
 
     @property
     def frequency(self) -> float:
-        """That of the base; see `Path`."""
+        """The frequency of the base; see `Path`."""
         return self.base.frequency
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray | None:

@@ -86,7 +86,7 @@ class ExtrapolatedPath(SmoothPath):
         return np.asarray(np.argmin(variances, axis=0))
 
     def _derivatives(self, time: FloatArray, order: int) -> FloatArray:
-        """Those (n, q) of an order of the Chebyshev polynomials at times (n,), per s to that power."""
+        """The derivatives (n, q) of an order of the Chebyshev polynomials at times (n,), per s to that power."""
         own = np.eye(self.degree + 1)
         derived = chebyshev.chebder(own, order) if order else own
         return np.asarray(chebyshev.chebval(self._scaled(time), derived).T / self._half**order)

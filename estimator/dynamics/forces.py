@@ -93,7 +93,7 @@ class ForcedPath(ExtendedPath):
 
     @property
     def frequency(self) -> float:
-        """That of the base or of the response; see `Path`."""
+        """The frequency of the base or of the response; see `Path`."""
         return max(self.base.frequency, self.force.frequency)
 
     def at(self, time: FloatArray) -> SampledPath:
@@ -192,7 +192,7 @@ class ThrustedPath(ExtendedPath):
 
     @property
     def prior(self) -> Prior:
-        """That of the base."""
+        """The prior of the base."""
         return self.base.prior
 
     @property

@@ -107,7 +107,7 @@ def _steps(transition: Transition, start: FloatArray, step: FloatArray) -> tuple
 
 
 def _few_steps(transition: Transition, start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same for some steps: integrals of the responses to δ̇, by Gauss and Legendre's points."""
+    """Transitions and growth over some steps: integrals of the responses to δ̇, by Gauss and Legendre's points."""
     begun = np.array([0.0, *POINTS])[:, None]
     starts, steps = start + begun * step, (1 - begun) * step
     whole, *later = transition(starts.ravel(), steps.ravel()).reshape(len(begun), -1, 6, 6)

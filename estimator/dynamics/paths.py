@@ -88,7 +88,7 @@ class Polynomial:
 
     @property
     def frequency(self) -> float:
-        """That of the highest polynomial T_d, in the middle or at the ends, where T_d(1 − y) ≈ cos √(2 d² y).
+        """The frequency of the highest polynomial T_d, in the middle or at the ends, where T_d(1 − y) ≈ cos √(2 d² y).
 
         A wave of d²/6 has there a term of seventh order as great, and greater ones of higher order.
         """
@@ -137,7 +137,7 @@ class SmoothPath(Polynomial):
 
     @property
     def prior(self) -> Prior:
-        """That of the coefficients; the constant has none."""
+        """The prior of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
         parameters = (
             Hyperparameter(FIRST, upper=np.log(LONGEST**2), by_root=True),

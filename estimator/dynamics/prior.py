@@ -133,7 +133,7 @@ class Prior:
         return np.asarray(np.exp(np.minimum(-logarithm, MOST)))
 
     def derivatives(self, theta: FloatArray) -> FloatArray:
-        """Those (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
+        """The derivatives (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
         if self.trend is None:
             return self.slopes
         found, own = self.slopes.copy(), self._law(self.trend, theta)[1]

@@ -71,7 +71,7 @@ class ProcessNoisePath(ExtendedPath):
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
 
     def lasting_variance(self, x: FloatArray, density: float) -> float:
-        """That of a coordinate of an acceleration that lasts, see `lasting_variance`, for unknowns x (p,)."""
+        """The variance of a coordinate of an acceleration that lasts, see `lasting_variance`, for unknowns x (p,)."""
         modes = x[self.base.size : self.size].reshape(self.count, 3)
         span = self.end - self.begin
         change = np.diff(free_modes(MIDDLE, self.count)[1], axis=0)[0] @ modes / span
@@ -79,7 +79,7 @@ class ProcessNoisePath(ExtendedPath):
 
     @property
     def frequency(self) -> float:
-        """That of the base or of the highest mode; see `Path`."""
+        """The frequency of the base or of the highest mode; see `Path`."""
         return max(self.base.frequency, float(wave_numbers(self.count)[-1]) / (self.end - self.begin))
 
     def at(self, time: FloatArray) -> SampledPath:
@@ -109,7 +109,7 @@ class ProcessNoisePath(ExtendedPath):
         return self._integrated(np.zeros(0))
 
     def _integrated(self, time: FloatArray) -> Motion | None:
-        """The same for times (n,) in s besides begin and end, which may lie beyond."""
+        """The integrated motion of the modes at times (n,) in s besides begin and end, which may lie beyond."""
         times = np.append(time, [self.begin, self.end])
         frequency = highest_frequency(self.base.gravity_gradient, float(times.min()), float(times.max()))
         if frequency == 0:

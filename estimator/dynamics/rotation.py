@@ -190,7 +190,7 @@ class Attitudes:
         return self.turn_of(slice(None))
 
     def turn_of(self, part: slice) -> FloatArray:
-        """The same (k, 3, size) at a part of the times."""
+        """The derivatives `turn`, (k, 3, size), at a part of the times."""
         return np.asarray(np.swapaxes(self.attitude[part], 1, 2) @ self._nodes.turn_at(self.time[part]))
 
     @cached_property

@@ -185,7 +185,7 @@ class _Model:
         return self._passes(start, self.task.tracks, self.measured)
 
     def passes_from_likeliest_tumble(self) -> Passes | None:
-        """Those from the tumble that `ml` finds, whose steps are damped, and arrive from where passes do not; None
+        """The passes from the tumble that `ml` finds, whose steps are damped, and arrive from where passes do not; None
         where these do not come to rest.
         """
         task = self.task

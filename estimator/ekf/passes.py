@@ -120,7 +120,7 @@ class Passes:
 
     @cached_property
     def reference(self) -> Reference:
-        """That of the solution."""
+        """The reference of the solution."""
         return moved(self.about, self.solution.state, self.solution.theta)
 
     @cached_property

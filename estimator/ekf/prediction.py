@@ -124,7 +124,7 @@ class PredictedTumble:
         return mean, covariance + added
 
     def _lasting_variance(self, density: float) -> float:
-        """That of a coordinate of an acceleration that lasts, (m/s²)², see `lasting_variance`."""
+        """The variance of a coordinate of an acceleration that lasts, (m/s²)², see `lasting_variance`."""
         at, time = self.found.reference, self.found.problem.start.nodes.time
         begin, end = time[0] + MIDDLE * (time[-1] - time[0])
         amid = (time[:-1] >= begin) & (time[1:] <= end)

@@ -84,7 +84,7 @@ class Problem:
         return self.noise_units_at(self.start.nodes.time)
 
     def noise_units_at(self, time: FloatArray) -> FloatArray:
-        """The same between times (n,) in s."""
+        """The covariances (n - 1, 2, d, d) of each step between times (n,) in s for unit densities."""
         units = np.zeros((len(time) - 1, 2, STATE, STATE))
         units[:, 0, PATH, PATH] = integrated_noise(time, self.span)
         units[:, 1, 6:, 6:] = integrated_noise(time)
@@ -148,7 +148,7 @@ class Problem:
 
     @cached_property
     def _path_information(self) -> FloatArray:
-        """That of the prior of the path's unknowns (s,), 1/m²: its own, or one without an effect."""
+        """The information of the prior of the path's unknowns (s,), 1/m²: its own, or one without an effect."""
         prior, farthest = self.path.prior, FAR * float(np.abs(self.measured.position).max())
         return np.where(prior.free, farthest**-2.0, prior.precision(self.theta))
 

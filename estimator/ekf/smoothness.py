@@ -30,7 +30,7 @@ class Smoothness:
     def of(
         cls, parameters: Parameters, prior: Prior, of_path: PathPrior, x: FloatArray, variance: float
     ) -> "Smoothness":
-        """That of parameters which are the mean for some hyperparameters.
+        """The smoothness of a path for parameters which are the mean for some hyperparameters.
 
         prior: of all parameters, in the units of the weights; of_path: that of the path's unknowns, in m²; x (s,) in m.
         """

@@ -108,7 +108,7 @@ def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observ
 
 
 def start_of(tracks: FeatureTracks, best: MaximumAPosteriori) -> Start:
-    """That of the likeliest tumble, with its points and weights."""
+    """The start at the likeliest tumble, with its points and weights."""
     nodes, points = _nodes(best.rotation, tracks.time), best.equations.points
     found = best.rotation.at(nodes.time)
     attitude, origin = found.attitude[nodes.frames], best.sampled.position(best.x)

@@ -28,7 +28,7 @@ class Numbers:
 
     @classmethod
     def of(cls, content: bytes, source: str) -> "Numbers":
-        """Those of a file, whose first block is there.
+        """The numbers of a file, whose first block is there.
 
         Raises:
             InputError: no processor that the format knows.
@@ -44,7 +44,7 @@ class Numbers:
 
     @property
     def order(self) -> str:
-        """That of bytes, as struct and numpy have it."""
+        """The order of bytes, as struct and numpy have it."""
         return ">" if self.processor == MIPS else "<"
 
     def integers(self, content: bytes, count: int, offset: int, kind: str = "i2") -> NDArray[Any]:
@@ -75,14 +75,14 @@ class Header:
 
     @classmethod
     def of(cls, content: bytes, numbers: Numbers) -> "Header":
-        """That of a file."""
+        """The header of a file."""
         points, analogue, first, last, start = numbers.integers(content, 9, 2, "u2")[[0, 1, 2, 3, 7]].tolist()
         scale, _, rate = numbers.floats(content, 3, 12).tolist()  # between them start and samples in a frame
         return cls(points, analogue, first, last, scale, BLOCK * (start - 1), rate)
 
     @property
     def frame(self) -> int:
-        """Its length in bytes."""
+        """The length of a frame in bytes."""
         return (4 * self.points + self.analogue) * (4 if self.scale < 0 else 2)
 
 

@@ -62,14 +62,14 @@ def turn_by_points(points: FloatArray) -> FloatArray:
 
 
 def _turn(arms: FloatArray, values: FloatArray, axes: FloatArray) -> FloatArray:
-    """The same of arms (m, 3) from the centroid, with the eigenvalues (3,) and axes (3, 3) of their inertia."""
+    """`turn_by_points` for arms (m, 3) from the centroid, with eigenvalues (3,) and axes (3, 3) of their inertia."""
     told = values > IN_LINE**2 * values[-1]
     inverse = (axes[:, told] / values[told]) @ axes[:, told].T
     return np.asarray(inverse @ cross_matrices(arms).transpose(1, 0, 2).reshape(3, -1))
 
 
 def _are_in_line(values: FloatArray, most: float) -> bool:
-    """The same by the eigenvalues (3,) of the points' inertia."""
+    """See `are_in_line`, by the eigenvalues (3,) of the points' inertia."""
     return bool(values[0] <= most**2 * values[-1])
 
 
@@ -79,6 +79,6 @@ def _mean(points: FloatArray) -> FloatArray:
 
 
 def _inertia(arms: FloatArray) -> FloatArray:
-    """That (3, 3) of points of mass 1 at arms (m, 3) from their centroid, m²."""
+    """The inertia (3, 3) of points of mass 1 at arms (m, 3) from their centroid, m²."""
     products = arms.T @ arms
     return np.asarray(np.trace(products) * np.eye(3) - products)

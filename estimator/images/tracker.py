@@ -54,7 +54,7 @@ class _Pairs:
         shift: float,
         coarsest: float = COARSEST,
     ) -> Self:
-        """Those of the features that are found near their expected places, in rows that match, nearer than infinity.
+        """The pairs of features that are found near their expected places, in rows that match, nearer than infinity.
 
         shift: how much farther right than the left image the right one shows what is infinitely far, px.
         """

@@ -88,7 +88,7 @@ class Body:
 
     @property
     def own_variance(self) -> float:
-        """That of markers which move each by itself, m² per coordinate: six of their coordinates go into a pose."""
+        """The variance of markers that move each by itself, m² per coordinate: six coordinates go into a pose."""
         seen = float(self.weights.sum(axis=1).mean())
         return float(np.mean(self.rms**2)) * seen / (seen - 2)
 

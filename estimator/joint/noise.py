@@ -142,7 +142,7 @@ class _Rows:
 
     @classmethod
     def of(cls, design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray) -> "_Rows":
-        """Those of the arguments of `restricted_likelihood`."""
+        """The rows for the arguments of `restricted_likelihood`."""
         p = design.shape[2]
         b, F = transformed(wanted), transformed(design)
         residual = F @ np.linalg.lstsq(F.reshape(-1, p), b.ravel(), rcond=None)[0] - b

@@ -109,8 +109,8 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
 
 
 def _findings(best: MaximumAPosteriori, pivot: PivotSolution) -> tuple[Finding, ...]:
-    """Those of `pivot`, but for what a tumble does not need: as many frames, attitudes better than noise, and clusters
-    that agree by these.
+    """The findings of `pivot`, but for what a tumble does not need: as many frames, attitudes better than noise, and
+    clusters that agree by these.
     """
     others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED | DisagreeingClusters))
     return others + few_frames(best.observations.weight, best.unknowns)

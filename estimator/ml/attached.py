@@ -35,7 +35,7 @@ class AttachedAxes:
 
     @classmethod
     def of(cls, found: Equations, y: FloatArray, features: NDArray[np.intp], variance: float = 1.0) -> "AttachedAxes":
-        """Those of features (k,), for a covariance y (q, q), and a variance of an observation of weight 1."""
+        """The axes of features (k,), for a covariance y (q, q), and a variance of an observation of weight 1."""
         by_points, q = attached_turn(found.points[features]), len(y)
         followed = found.by_unknowns.reshape(len(found.points), 3, q)[features].reshape(-1, q)
         own = variance * by_points @ found.covariance_of_points(features) @ by_points.T

@@ -135,7 +135,7 @@ class _QuadraticModel:
 
     @classmethod
     def of(cls, problem: Problem, at: Iterate) -> "_QuadraticModel":
-        """That about an iterate."""
+        """The quadratic model about an iterate."""
         values, own = at.state.values, problem.priors.own
         linear = problem.priors.linear(at.equations, values, at.variance)
         theta = maximise(linear, own, _start(linear, own, at.theta))

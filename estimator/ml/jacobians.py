@@ -28,7 +28,7 @@ class Jacobians:
 
     @classmethod
     def of(cls, function: Callable[[FloatArray], FloatArray], time: FloatArray, blocks: Blocks) -> "Jacobians":
-        """Those at times (n,); with the blocks if that is faster."""
+        """The Jacobians at times (n,); with the blocks if that is faster."""
         return cls(function, time, blocks if worthwhile(blocks) else None)
 
     def times(self, matrix: FloatArray) -> FloatArray:
@@ -78,7 +78,7 @@ class Knots:
     path: FloatArray
 
     def around(self, part: slice) -> "KnotsAround":
-        """Those of the blocks around a part of the frames."""
+        """The knots of the blocks around a part of the frames."""
         held = self.blocks.around(part)[0]
         turn = self.motion.turn_in_C(self.blocks.knots[held].ravel())
         return KnotsAround(self.blocks, part, turn, self.path[KNOTS * held.start : KNOTS * held.stop])

@@ -196,7 +196,7 @@ def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> 
 
 
 def _frame_noise(errors: SharedErrors | None, slip: float, frames: int, variance: float) -> FrameNoise | None:
-    """That of the camera's attitude, and of a position that slips, for a variance of an observation of weight 1.
+    """The noise of the camera's attitude, and of a position that slips, for a variance of an observation of weight 1.
 
     slip: standard deviation of the position's white noise, m.
     """

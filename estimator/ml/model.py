@@ -41,7 +41,7 @@ class FrameNoise:
         )
 
     def frames(self, part: slice) -> "FrameNoise":
-        """That of some frames."""
+        """The noise of some frames."""
         return FrameNoise(self.turn[part], self.shift[part])
 
 

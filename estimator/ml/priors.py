@@ -42,7 +42,7 @@ class Priors:
     def of(
         cls, rotation: Rotation, path: Path, sampled: SampledPath, x0: FloatArray, density: float | None
     ) -> "Priors":
-        """Those of a rotation and a path with the weak mean x0 (p,); density of the torque noise, None if unknown."""
+        """The priors of rotation and path with the weak mean x0 (p,); density of the torque noise, None if unknown."""
         distance = np.linalg.norm(sampled.position(x0), axis=1).max()
         inertia = np.eye(RATE_AND_INERTIA - 3) / INERTIA_DEVIATION**2
         of_path = sampled.mean_square() / distance**2

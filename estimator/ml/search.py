@@ -102,7 +102,7 @@ def likely_tumbles(
 
 
 def _probability(excess: float) -> float:
-    """That of one of two models of which this is −2 ln of the odds."""
+    """The probability of one of two models of which this is −2 ln of the odds."""
     return float(expit(-excess / 2))
 
 

@@ -33,7 +33,7 @@ class Sums:
 
     @classmethod
     def of(cls, observations: Observations, model: Model) -> "Sums":
-        """Those of all frames, at a model."""
+        """The sums over all frames, at a model."""
         sums = cls._zero(model.size, observations.weight.shape[1], model.noise is not None)
         for part in _parts(observations, model):
             _add(sums, part, observations, model)
@@ -66,7 +66,7 @@ class _OfFrames:
 
     @classmethod
     def of(cls, found: NormalBlocks, dense: bool) -> "_OfFrames":
-        """Those of blocks; dense: with what couples with the points."""
+        """The terms of frames with normal blocks; dense: with what couples with the points."""
         points = (found.turn_points(), found.shift_points()) if dense else (None, None)
         return cls(found.turn, found.turn_shift, found.shift, found.turn_rhs, found.shift_rhs, *points)
 

@@ -40,7 +40,7 @@ class Odds:
         return np.asarray((1 - self.probability) * own + self.probability * moved)
 
     def of_deviations(self, own: ArrayLike, other: ArrayLike, apart: ArrayLike) -> FloatArray:
-        """The same for standard deviations (...) and differences (...)."""
+        """The standard deviations of two by theirs (...) and differences (...)."""
         own, other, apart = np.asarray(own), np.asarray(other), np.asarray(apart)
         return np.asarray(np.sqrt((1 - self.probability) * own**2 + self.probability * (other**2 + apart**2)))
 

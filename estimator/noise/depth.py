@@ -105,7 +105,7 @@ class _Lengths:
 
     @classmethod
     def of_pairs(cls, position: FloatArray, seen: BoolArray) -> "_Lengths":
-        """Distances in positions (n, m, 3) in C, m, that are noisy, but not as much as the body is large."""
+        """Distances in positions (n, m, 3) in C, m, that are noisy, but less than the body is large."""
         distances = distances_between(position, seen)
         few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
         off, typical = distances.off[:, few], distances.typical[few]
@@ -194,7 +194,7 @@ class _Ratio:
 
     @classmethod
     def of(cls, lengths: _Lengths, blocks: int) -> "_Ratio":
-        """That of lengths in so many blocks of frames."""
+        """The ratio of lengths in so many blocks of frames."""
         fits = [_Fit.of(lengths, of_rig=of_rig) for of_rig in (False, True)]
         best = max(fits, key=lambda fit: fit.likelihood)
         of_rig = best is fits[1]
@@ -222,7 +222,7 @@ class _Fit:
 
     @classmethod
     def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
-        """That of lengths with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
+        """The fit to lengths with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
         off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
         across, along = (1 - lengths.along) * growth, lengths.along * growth**2
         count, log_ratio = lengths.summed(seen.astype(np.float64)), 0.0

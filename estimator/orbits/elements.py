@@ -35,7 +35,7 @@ class LocalElements:
 
     @classmethod
     def through(cls, place: FloatArray, velocity: FloatArray, mu: float) -> "LocalElements":
-        """Those of a target at a place (3,), m, with a velocity (3,), m/s; NaN if its orbit is open.
+        """The elements of a target at a place (3,), m, with a velocity (3,), m/s; NaN if its orbit is open.
 
         mu: gravitational parameter of the central body, m³/s².
         """
@@ -48,7 +48,7 @@ class LocalElements:
 
     @classmethod
     def of_circle(cls, place: FloatArray, velocity: FloatArray, mu: float) -> "LocalElements":
-        """Those of the circle through a place (3,), m, in the plane of a velocity (3,), m/s."""
+        """The elements of the circle through a place (3,), m, in the plane of a velocity (3,), m/s."""
         log_rate = np.log(mu / np.linalg.norm(place) ** 3) / 2
         return cls(_axes(place, velocity), np.array([log_rate, 0.0, 0.0]))
 

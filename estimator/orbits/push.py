@@ -40,7 +40,7 @@ class UnknownPushPath(PushedPath):
     constants: int
 
     def of_size(self, base: Path, theta: float) -> "UnknownPushPath":
-        """The same on another base, of a known size: theta, the logarithm of the variance of its components."""
+        """The push on another base, of a known size: theta, the logarithm of the variance of its components."""
         known = replace(self.force, deviations=float(np.exp(theta / 2)) * self.force.deviations, scale=None)
         return replace(self, base=base, force=known)
 

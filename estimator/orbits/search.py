@@ -88,7 +88,7 @@ class _Motion:
 
     @property
     def coefficients(self) -> FloatArray:
-        """Those (p,) of the path."""
+        """The coefficients (p,) of the path."""
         return np.asarray(self.columns @ self.x)
 
     def prior_cost(self, variance: float) -> float:
@@ -111,7 +111,7 @@ class _Search:
 
     @classmethod
     def of(cls, linear: GaussianLikelihood, smooth: SmoothPath) -> "_Search":
-        """Those of what the tracks tell."""
+        """The search by what the tracks tell of a smooth path."""
         values, axes = np.linalg.eigh(linear.information)
         told = values > WEAK * values[-1]
         root = np.sqrt(values[told])[:, None] * axes[:, told].T

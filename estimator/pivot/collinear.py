@@ -52,7 +52,7 @@ def collinear_start(
 
 
 def _roots(body: Body, noise: float, frames: int) -> FloatArray:
-    """Those of what a line tells in each frame, (n, 3, 3), for `drift_equations`.
+    """The roots of the information that a line tells in each frame, (n, 3, 3), for `drift_equations`.
 
     Along the line, the place of the centre of mass; across it, that it is near, which all frames together tell as well
     as the prior of an offset does. noise: of a coordinate along the line, m; frames: of all lines.

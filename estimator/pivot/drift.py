@@ -72,7 +72,7 @@ class DriftEquations:
 
 
 def drift_equations(registered: Registered, roots: list[FloatArray], path: SampledPath, noise: float) -> DriftEquations:
-    """Those of registered bodies, with the prior of their offsets.
+    """The equations of registered bodies, with the prior of their offsets.
 
     roots has an array for the frames of each: (n,) or (n, 3, 3) in C, of the inverse covariances of c_k; noise: the
     standard deviation of c_k where that is 1.

@@ -38,19 +38,19 @@ class JointCovariance:
 
     @property
     def of_x(self) -> FloatArray:
-        """That of x, (p, p)."""
+        """The covariance (p, p) of x."""
         return self.matrix[3 * self.bodies :, 3 * self.bodies :]
 
     @property
     def of_offsets(self) -> FloatArray:
-        """Those of each body's offset by itself, (k, 3, 3) in m²."""
+        """The covariances (k, 3, 3) of each body's offset by itself, m²."""
         each = np.arange(self.bodies)
         own = self.matrix[: 3 * self.bodies, : 3 * self.bodies]
         return np.asarray(own.reshape(self.bodies, 3, self.bodies, 3)[each, :, each])
 
     @property
     def offsets_x(self) -> FloatArray:
-        """That of the offsets with x, (3 k, p)."""
+        """The covariance (3 k, p) of the offsets with x."""
         return self.matrix[: 3 * self.bodies, 3 * self.bodies :]
 
     def grown(self, columns: FloatArray) -> "JointCovariance":
@@ -147,7 +147,7 @@ def _least(found: PivotSolution) -> float:
 
 
 def _prior(found: PivotSolution) -> OffsetPrior:
-    """That of the bodies' offsets, in the weights' units, as wide as its likeliest where they contradict it.
+    """The prior of the bodies' offsets, in the weights' units, as wide as its likeliest where they contradict it.
 
     Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is
     all that is claimed.

@@ -104,7 +104,7 @@ class PivotProblem:
 
     @classmethod
     def of(cls, tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> "PivotProblem":
-        """That of tracks, solved.
+        """The problem of tracks, solved.
 
         Raises:
             InputError: an invalid combination of options, or a singular covariance.
@@ -232,7 +232,7 @@ class _ProblemData:
 
     @classmethod
     def of(cls, tracks: FeatureTracks, path: Path) -> "_ProblemData":
-        """That of tracks, whose frames have to be enough for a path.
+        """The data of tracks, whose frames have to be enough for a path.
 
         Raises:
             InputError: a singular covariance.

@@ -121,7 +121,7 @@ class PriorOnlySolution:
     def of(
         cls, bodies: tuple[Body, ...], x: FloatArray, cost: float, spurious: Callable[[], Sequence[FloatArray]]
     ) -> "PriorOnlySolution":
-        """That with spurious information (3, 3) on each body's offset."""
+        """The solution with spurious information (3, 3) on each body's offset."""
         return cls(bodies, x, cost, np.array(spurious()))
 
     def is_told(

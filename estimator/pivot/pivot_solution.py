@@ -169,7 +169,7 @@ class PivotSolution:
 
     @cached_property
     def shown_spurious_share(self) -> float:
-        """The share of that.
+        """The spurious information over that on the offsets, where it is greatest, as the rotation shows it.
 
         A few attitudes that are off by many deviations, as their frame's only features are displaced, may give most.
         """
@@ -182,7 +182,7 @@ class PivotSolution:
         return float(np.linalg.eigvals(self.solution.offset_covariance @ spurious.likely).real.max())
 
     def shown_spurious_share_of(self, body: int, directions: FloatArray) -> float:
-        """The same for the offset of one body, by its index, along some directions (d, 3) of its axes, unit vectors.
+        """The share as the rotation shows it for the offset of a body, by index, along unit vectors (d, 3) in its axes.
 
         Other bodies may tell nothing of their offsets, and share the path; along other directions it may not be told.
         """

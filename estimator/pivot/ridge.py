@@ -98,7 +98,7 @@ def with_ridges(found: PivotSolution, covariance: JointCovariance) -> JointCovar
 
 
 def _wide_directions(found: PivotSolution, covariance: JointCovariance, square: FloatArray) -> _Directions:
-    """Those that are not observable, at most MOST_RIDGES; square (p, p): the mean of JᵀJ over the frames."""
+    """The directions that are not observable, at most MOST_RIDGES; square (p, p): the mean of JᵀJ over the frames."""
     radius = rms_radius(max(found.bodies, key=lambda body: len(body.frames)).points)
     factor = factor_of(covariance.of_x)
     squares, axes = np.linalg.eigh(factor.T @ square @ factor)
@@ -122,7 +122,7 @@ class _SubsampledSolution:
 
     @classmethod
     def of(cls, found: PivotSolution, wide: _Directions) -> "_SubsampledSolution":
-        """Those of a solution."""
+        """A solution with a subsample of its frames; wide: the directions of its ridges."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()
         shifts = shifts_in(found.shifts, few.rows, count)
@@ -138,7 +138,7 @@ class _SubsampledSolution:
         return [departure for departure in both if departure is not None]
 
     def _departure(self, begin: _Place, index: int, sign: float) -> FloatArray | None:
-        """That on one side, from the middle of the ridge; None where it can't be followed."""
+        """The departure on one side, from the middle of the ridge; None where it can't be followed."""
         unit = sign * np.eye(index + 1)[index]
         place, reached, stretch = begin, 0.0, NODE
         for _ in range(MOST_STRETCHES):

@@ -111,7 +111,8 @@ def linear_start(
 
 
 def _hyperparameters(trial: _Trial, prior: Prior) -> FloatArray | None:
-    """Those (h,) of the path's own prior, near which a trial is after steps under its simple one: process noise is NaN.
+    """The hyperparameters (h,) of the path's own prior, near which a trial is after steps under its simple one; NaN
+    for process noise.
 
     None where it was at rest, which tells nothing of how the path moves.
     """

@@ -79,7 +79,7 @@ class _Factors:
 
     @classmethod
     def of(cls, solution: Solution) -> "_Factors":
-        """Those of a solution: columns of each body's points by themselves, and behind these of what x does to all."""
+        """The factors of a solution: columns of each body's points, behind these of what x does to all."""
         alone = [factor_of(covariance) for covariance in solution.points_covariance]
         of_x = factor_of(solution.covariance)
         ends = np.cumsum([0, *(factor.shape[1] for factor in alone)])

@@ -41,7 +41,7 @@ class UnitFile:
 
     @property
     def folder(self) -> Path:
-        """That where it is unpacked."""
+        """The folder where it is unpacked."""
         return self.unpacked.path
 
     def of_kind(self, kind: Kind) -> list[Variable]:

@@ -102,7 +102,7 @@ def _refuse_transformations(path: Path, root: ET.Element) -> None:
 
 
 def _stop_time(path: Path, root: ET.Element) -> float | None:
-    """That of the default experiment, which fmpy passes over, s; None if there is none.
+    """The stop time of the default experiment, which fmpy passes over, s; None if there is none.
 
     Raises:
         InputError: the start is not 0.

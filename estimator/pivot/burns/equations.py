@@ -94,7 +94,7 @@ class BurnEquations:
 
     @property
     def variance(self) -> float:
-        """That of an observation of weight 1, as the poses have it, m², or 1 with covariances."""
+        """The variance of an observation of weight 1, as the poses have it, m², or 1 with covariances."""
         return self.posed.poses.variance
 
     @property
@@ -239,11 +239,11 @@ class BurnEquations:
         return BurnedPath(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]), about)
 
     def prior(self, burns: tuple[Burn, ...]) -> Prior:
-        """That of offsets, path and burns."""
+        """The prior of offsets, path and burns."""
         return self.others.joined(Prior.known(self.burned(burns).variances)) if burns else self.others
 
     def _whole_prior(self, burns: tuple[Burn, ...]) -> Prior:
-        """That of all unknowns, with the white noise of the cells."""
+        """The prior of all unknowns, with the white noise of the cells."""
         count, density = 3 * self.cells, Hyperparameter(DENSITY, optional=True)
         return self.prior(burns).joined(Prior(np.full(count, -np.log(self.width)), np.ones((count, 1)), (density,)))
 

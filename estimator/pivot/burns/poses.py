@@ -57,7 +57,7 @@ class Posed(Protocol):
         ...
 
     def covariances(self, offsets: FloatArray) -> FloatArray:
-        """Those (f, 3, 3) of c − R d in S, for the offsets (k, 3) of all axes, over the variance."""
+        """The covariances (f, 3, 3) of c − R d in S, for the offsets (k, 3) of all axes, over the variance."""
         ...
 
     def bodies(self, offsets: FloatArray) -> tuple[Body, ...]:
@@ -81,7 +81,7 @@ class RegisteredPoses:
     def of(
         cls, registered: Registered, observations: Observations, time: FloatArray, found: Solution
     ) -> "RegisteredPoses":
-        """Those of a subsample of the bodies, less attitudes that stray from the rotation.
+        """The poses of a subsample of the bodies, less attitudes that stray from the rotation.
 
         time (n,) of all frames in s; found: a solution without burns, whose offsets weigh the frames. Three features of
         which a rig hardly knows the depth have several poses that fit as well, and one at which the body never was
@@ -127,7 +127,7 @@ class KnownPoses:
     def of(
         cls, bodies: tuple[Body, ...], observations: Observations, origin: FloatArray, variance: float
     ) -> "KnownPoses":
-        """Those of bodies of one set of axes, points from about the centre of mass.
+        """The poses of bodies of one set of axes, points from about the centre of mass.
 
         observations (n, m) with robust weights; origin (n, 3): near that of the axes in C, m; variance: of an
         observation of weight 1.

@@ -33,7 +33,7 @@ class FurtherUnknowns:
 
     @classmethod
     def of(cls, found: PivotSolution, columns: Callable[[IntArray], FloatArray]) -> "FurtherUnknowns":
-        """That of a solution; columns: indices (n,) of frames → what the path moves by there, (n, 3, c), m a unit."""
+        """The problem of a solution; columns: indices (n,) of frames → derivatives of the path there, (n, 3, c), m."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()
         alone, added = found.sampled.frames_at(few.rows), columns(few.rows)

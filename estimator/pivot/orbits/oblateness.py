@@ -108,7 +108,7 @@ class _ScoreTest:
 
     @classmethod
     def of(cls, found: PivotSolution, sampled: SampledPath, x: FloatArray) -> "_ScoreTest":
-        """That of a path sampled at the unknowns x (p,), near that of a solution.
+        """The test of a path sampled at the unknowns x (p,), near that of a solution.
 
         The shift from the one to the other, all of it or none, is an unknown. Of many frames some are looked at, each
         with the weight of those it stands for.
