@@ -109,8 +109,8 @@ class Passes:
     @cached_property
     def variance(self) -> FloatArray:
         """The variance (k,) of an observation of weight 1 for each member."""
-        least, sigma, last = self.problem.floor, self.problem.sigma, self.last
-        own = [sigma or max(parameters.squares / last.dof, least) for _, parameters in self._solved]
+        least, given, last = self.problem.floor, self.problem.given_variance, self.last
+        own = [given or max(parameters.squares / last.dof, least) for _, parameters in self._solved]
         return last.lasting * np.array(own)
 
     @cached_property
@@ -164,7 +164,7 @@ def passes(problem: Problem) -> Passes:
         axis=axis,
     )
     observations = problem.measured.weighted(start.weight)
-    variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
+    variance = problem.given_variance or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
     stereo = stereo_noise(problem.measured, last.after.seen_at(start.nodes), problem.options.noise)
     count, sought = 1, 0
@@ -221,7 +221,7 @@ def _pass(
     member, solution, parameters = _solved(problem, system, prior, variance, bank, member)
     lasting = 1.0 if last is None else last.lasting
     residual_variance = max(parameters.squares / dof, problem.floor)
-    used = problem.sigma or residual_variance
+    used = problem.given_variance or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     refuse_lost(after.origin, observations.position)
     seen = observations.position - after.seen_at(problem.start.nodes)
@@ -269,8 +269,9 @@ def _process_noise(
     lasting = last.lasting
 
     def scores(members: Sequence[Member]) -> FloatArray:
-        values, sigma = (dof + problem.weakly_known) / lasting, problem.sigma and lasting * problem.sigma
-        return log_likelihoods(system, problem.noise(members, variance), prior, values, sigma)
+        values = (dof + problem.weakly_known) / lasting
+        given = problem.given_variance and lasting * problem.given_variance
+        return log_likelihoods(system, problem.noise(members, variance), prior, values, given)
 
     bank = Bank(*axes, scores)
     ratio = variance / last.noise_variance

@@ -63,8 +63,8 @@ class Problem:
         return span_of(self.tracks.time)
 
     @property
-    def sigma(self) -> float | None:
-        """The known variance of an observation of weight 1, m² or a factor on the given covariances."""
+    def given_variance(self) -> float | None:
+        """The variance, where it is given, of an observation of weight 1, m² or a factor on the given covariances."""
         return None if self.options.sigma is None else self.options.sigma**2
 
     @cached_property
