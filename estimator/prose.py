@@ -57,6 +57,27 @@ def verdict(observability: Observability) -> str:
 def sentence(finding: Finding) -> str:
     """A finding in words."""
     match finding:
+        case (
+            LackOfFit() | ExcessResiduals() | FramesLeftOut() | Departure() | DisagreeingClusters() | DifferentPoints()
+        ):
+            return _of_misfit(finding)
+        case FewFrames() | FollowsRotation() | Extrapolated():
+            return _of_doubt(finding)
+        case WrongOrbit() | EstimatedOrbit() | UntoldOblateness() | UntoldAccuracy():
+            return _of_orbit(finding)
+        case UnknownBurn() | UnknownPush():
+            return _of_force(finding)
+        case WrongSigma() | ChangingNoise() | DepthNoise():
+            return _of_noise(finding)
+        case FreeAttitudes():
+            return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
+
+
+def _of_misfit(
+    finding: LackOfFit | ExcessResiduals | FramesLeftOut | Departure | DisagreeingClusters | DifferentPoints,
+) -> str:
+    """A model that does not hold, in words."""
+    match finding:
         case LackOfFit():
             return (
                 f"the path departs from {finding.path} by {finding.magnitude:.2g} m or so "
@@ -71,6 +92,26 @@ def sentence(finding: Finding) -> str:
                 f"nothing fits from {finding.begin:.1f} to {finding.end:.1f} s: all {finding.frames} frames there are "
                 f"left out, off by {finding.magnitude:.2g} m"
             )
+        case Departure():
+            return (
+                f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "
+                f"{finding.density:.2g} m²/s³ would make it; the covariance allows for it"
+            )
+        case DisagreeingClusters():
+            first, second = finding.clusters
+            return (
+                f"clusters {first} and {second} see {', '.join(finding.labels)} {finding.ratio:.2g} times as far apart "
+                "as they claim to know: the path between them does not fit, or attitudes are spoilt"
+            )
+        case DifferentPoints():
+            first, second = finding.clusters
+            names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"
+            return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
+
+
+def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated) -> str:
+    """What the tracks cannot check, in words."""
+    match finding:
         case FewFrames():
             return (
                 f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude, for {finding.unknowns:.0f} "
@@ -92,11 +133,11 @@ def sentence(finding: Finding) -> str:
                 f"attitudes are seen from {finding.begin:.1f} to {finding.end:.1f} s only: beyond, the path is "
                 f"extrapolated, {what}"
             )
-        case Departure():
-            return (
-                f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "
-                f"{finding.density:.2g} m²/s³ would make it; the covariance allows for it"
-            )
+
+
+def _of_orbit(finding: WrongOrbit | EstimatedOrbit | UntoldOblateness | UntoldAccuracy) -> str:
+    """What is found of the target's orbit, in words."""
+    match finding:
         case WrongOrbit():
             parts = zip(("radially", "along", "across"), finding.shift, finding.deviation, strict=True)
             off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
@@ -125,6 +166,11 @@ def sentence(finding: Finding) -> str:
                 f"the tracks do not exclude {' and '.join(sizes)}, for which the estimate allows: put the accuracy of "
                 "the orbit into its file, in m, 0 if it is exact and nothing pushes"
             )
+
+
+def _of_force(finding: UnknownBurn | UnknownPush) -> str:
+    """A force that nobody told, in words."""
+    match finding:
         case UnknownBurn():
             change = ", ".join(
                 f"{1e3 * value:.3g} ± {1e3 * sd:.2g}"
@@ -143,6 +189,11 @@ def sentence(finding: Finding) -> str:
                 f"something pushes the target against the chaser, by ({push}) m/s² {where} on average, which nothing "
                 "told; the estimate has it, and allows for its variation along the orbit"
             )
+
+
+def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise) -> str:
+    """What is found of the noise, in words."""
+    match finding:
         case WrongSigma():
             return f"sigma is {finding.given:.3g}, but the residuals show {finding.found:.3g}: " + (
                 "claims are made of that" if finding.found > finding.given else "claims may be too wide"
@@ -157,18 +208,6 @@ def sentence(finding: Finding) -> str:
             return (
                 f"depths have a noise of {finding.along:.2g} m, places across the line of sight one of "
                 f"{finding.across:.2g} m, which nothing told; every observation is weighed by that"
-            )
-        case FreeAttitudes():
-            return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
-        case DifferentPoints():
-            first, second = finding.clusters
-            names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"
-            return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
-        case DisagreeingClusters():
-            first, second = finding.clusters
-            return (
-                f"clusters {first} and {second} see {', '.join(finding.labels)} {finding.ratio:.2g} times as far apart "
-                "as they claim to know: the path between them does not fit, or attitudes are spoilt"
             )
 
 
