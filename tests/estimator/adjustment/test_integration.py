@@ -18,15 +18,7 @@ from baryscope.estimator.adjustment.evidence import (
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
 from baryscope.estimator.dynamics.paths import LONGEST, SmoothPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-
-PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
-
-
-def observed(seed, variance):
-    rng = np.random.default_rng(seed)
-    H = rng.normal(size=(60, 14))
-    x = np.concatenate([rng.normal(size=2) * 5, np.sqrt(np.exp(PRIOR.offset[2:]) * variance) * rng.normal(size=12)])
-    return H, x, H @ x + rng.normal(size=60)
+from scaled_unknowns import PRIOR, observed
 
 
 @pytest.mark.parametrize("variance", [1e-6, 0.01, 1.0])
