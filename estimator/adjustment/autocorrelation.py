@@ -1,4 +1,4 @@
-"""How many frames hang together: the integrated autocorrelation of series."""
+"""How many frames hang together: the integrated autocorrelation 1 + 2 Σ ρ of series, and what it does to a sum."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which nothing lasts
 
 
-def frames_per_independent_one(series: Sequence[FloatArray]) -> tuple[float, int]:
+def integrated_autocorrelation(series: Sequence[FloatArray]) -> tuple[float, int]:
     """1 + 2 Σ ρ of series (n, 3) about zero, summed to the first lag at which ρ is not positive; and that lag."""
     longest = max(len(values) for values in series)
     products = np.zeros(max(longest // 2, 1))
@@ -40,7 +40,7 @@ def growth_by_lasting(
         share: of the squares, that hangs together; the other part is white, and in the squares only.
         clear: standard deviations of it for white noise, above which it is significant.
     """
-    lasting, lag = frames_per_independent_one(series)
+    lasting, lag = integrated_autocorrelation(series)
     total = 1 + share * (lasting - 1)
     by_chance = 2 * share * np.sqrt(lag / values)
     return float(total * (1 + (2 * lag + 1) / frames)) if total > 1 + clear * by_chance else 1.0

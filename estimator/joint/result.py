@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
+from baryscope.estimator.adjustment.autocorrelation import integrated_autocorrelation
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.tracks import FloatArray, IntArray
@@ -220,7 +220,7 @@ def joint_of(pair: Pair, method: Method, centre: Centre, ratio: float, axis: Hin
     u, v = centre.found[:3], centre.found[3:]
     R_T_P, c = pair.parent_pose
     residual = residual_of(pair, centre.found)
-    frames, _ = frames_per_independent_one([residual])
+    frames, _ = integrated_autocorrelation([residual])
     return Joint(
         method=method,
         pair=pair,

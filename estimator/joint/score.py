@@ -10,7 +10,7 @@ Not covered: noise that keeps time with the motion, and a shift of skin that dep
 
 import numpy as np
 
-from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
+from baryscope.estimator.adjustment.autocorrelation import integrated_autocorrelation
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.geometry.so3 import squared_cross
 from baryscope.estimator.joint.bodies import Pair
@@ -29,7 +29,7 @@ def score(pair: Pair, told: FloatArray) -> Centre:
     inverse = told @ np.linalg.inv(told.T @ normal @ told) @ told.T
     found = inverse @ np.einsum("kij,ki->j", design, wanted)
     residual = design @ found - wanted
-    frames, _ = frames_per_independent_one([residual])
+    frames, _ = integrated_autocorrelation([residual])
     independent = len(residual) / frames
     spurious = SpuriousInformation.of(_spurious(pair, residual), max(int(independent), 1))
     variance = float(np.mean(residual**2)) * frames

@@ -46,7 +46,7 @@ class Odds:
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedEither:
+class PredictedMixture:
     """The predictor of two models."""
 
     likelier: Predictor
@@ -75,7 +75,7 @@ def with_other(found: Estimate, other: Estimate, probability: float) -> Estimate
         observability=observability_of(clusters, covariance),
         motion=_motion(found.motion, other.motion, turn, odds),
         details=_details(found.details, other.details, turn, odds),
-        predictor=PredictedEither(_known(found.predictor), _known(other.predictor), odds),
+        predictor=PredictedMixture(_known(found.predictor), _known(other.predictor), odds),
     )
 
 

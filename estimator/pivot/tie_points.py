@@ -103,8 +103,7 @@ def tie_bodies(
     """The solution with tie points between bodies that share features, the tie points, and those refused.
 
     variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m;
-    shifts: of the frames; frame_variance: as variance, in a frame by
-    itself, if errors last.
+    shifts: of the frames; frame_variance: as variance, in a frame by itself, if errors last.
     """
     sharing = list(_sharing(solution))
     if not sharing or solution.null_space.shape[1]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one, growth_by_lasting
+from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting, integrated_autocorrelation
 from synthetic import first_order
 
 
@@ -26,7 +26,7 @@ def test_it_is_the_sum_over_pairs(lengths, keep):
     rng = np.random.default_rng(5)
     for _ in range(10):
         series = [first_order(rng, (length, 3), keep) for length in lengths]
-        lasting, lag = frames_per_independent_one(series)
+        lasting, lag = integrated_autocorrelation(series)
         expected, expected_lag = by_pairs(series)
         assert lag == expected_lag
         assert lasting == pytest.approx(expected, rel=1e-9)

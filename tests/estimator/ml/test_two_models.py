@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.ml.two_models import Odds, PredictedEither, with_other
+from baryscope.estimator.ml.two_models import Odds, PredictedMixture, with_other
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Prediction
 from baryscope.study.population.second.cases import drawn, sampled
@@ -32,7 +32,7 @@ def test_the_covariance_is_the_mean_square_distance_of_draws_from_the_answer():
     of_second = rng.random(count) < p
     normal = rng.normal(size=(count, 6))
     draws = np.where(of_second[:, None], means[1] + normal @ roots[1].T, means[0] + normal @ roots[0].T)
-    either = PredictedEither(*(Normal(mean, root @ root.T) for mean, root in zip(means, roots, strict=True)), Odds(p))
+    either = PredictedMixture(*(Normal(mean, root @ root.T) for mean, root in zip(means, roots, strict=True)), Odds(p))
     found = either.at(np.zeros(2), None)
     expected = (draws - means[0]).T @ (draws - means[0]) / count
     np.testing.assert_allclose(found.covariance[1], expected, atol=0.02 * np.trace(expected))
