@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
@@ -13,7 +12,6 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.findings import FreeAttitudes, UnknownPush
 from baryscope.estimator.prediction import PredictedPath, Widening
-from baryscope.estimator.turning import carried, curved
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, pushed, turning
 from results import an_estimate
@@ -261,28 +259,3 @@ def test_what_cannot_be_predicted_is_said_in_a_line():
         pivot.predict([np.inf])
     with pytest.raises(InputError, match=r"times: found timedelta64\[m\], expected real numbers"):
         pivot.predict(np.array([2], dtype="timedelta64[m]"))
-
-
-def test_a_point_moves_on_an_arc():
-    """Mean and covariance of position and velocity against those of drawn attitudes, uncertain by 0.1 to 0.4 rad.
-
-    To first order nothing moves along the arm, and the mean is a fifth of a metre too far out.
-    """
-    rng, b, rate = np.random.default_rng(81), np.array([1.5, -0.7, 2.0]), np.array([[0.5, -0.3, 0.8]])
-    R = Rotation.random(random_state=2).as_matrix()[None]
-    L = np.array([[0.3, 0.0, 0.0], [0.1, 0.2, 0.0], [-0.05, 0.1, 0.25]])
-    turned = R @ Rotation.from_rotvec(rng.standard_normal((200_000, 3)) @ L.T).as_matrix()
-    drawn = np.concatenate([turned @ b, turned @ np.cross(rate[0], b)], axis=1)
-    arm, by_motion, _ = carried(R, rate, b)
-    shift, arc = curved(R, rate, b, (L @ L.T)[None])
-    first = by_motion[0, :, :3] @ L @ L.T @ by_motion[0, :, :3].T
-    sampled = np.cov(drawn.T)
-    deviations = np.sqrt(np.diag(sampled))
-    assert np.abs(drawn.mean(axis=0) - arm[0] - shift[0]).max() < 0.012  # of terms of fourth order
-    assert np.abs(drawn.mean(axis=0) - arm[0]).max() > 0.15
-    off = np.abs(first + arc[0] - sampled) / np.outer(deviations, deviations)
-    assert off.max() < 0.2  # of the product of first and third order, which is left out
-    along = arm[0, :3] / np.linalg.norm(arm[0, :3])
-    told, linear, true = (along @ C[:3, :3] @ along for C in (first + arc[0], first, sampled))
-    assert linear < 0.1 * true
-    assert told == pytest.approx(true, rel=0.25)

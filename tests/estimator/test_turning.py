@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.rotation import Rotation
-from baryscope.estimator.turning import TurningPoint, opposite_pairs
+from baryscope.estimator.turning import TurningPoint, carried, curved, opposite_pairs
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError
 from synthetic import attitude, box_features, make_case
@@ -86,6 +86,31 @@ def test_where_errors_are_small_the_first_order_is_all(covariance):
     expected = by_change @ small @ by_change.T
     size = np.sqrt(np.diag(expected))
     np.testing.assert_allclose((found[0] - expected) / np.outer(size, size), 0.0, atol=2e-4)
+
+
+def test_a_point_moves_on_an_arc():
+    """Mean and covariance of position and velocity against those of drawn attitudes, uncertain by 0.1 to 0.4 rad.
+
+    To first order nothing moves along the arm, and the mean is a fifth of a metre too far out.
+    """
+    rng, b, rate = np.random.default_rng(81), np.array([1.5, -0.7, 2.0]), np.array([[0.5, -0.3, 0.8]])
+    R = Turn.random(random_state=2).as_matrix()[None]
+    L = np.array([[0.3, 0.0, 0.0], [0.1, 0.2, 0.0], [-0.05, 0.1, 0.25]])
+    turned = R @ Turn.from_rotvec(rng.standard_normal((200_000, 3)) @ L.T).as_matrix()
+    drawn = np.concatenate([turned @ b, turned @ np.cross(rate[0], b)], axis=1)
+    arm, by_motion, _ = carried(R, rate, b)
+    shift, arc = curved(R, rate, b, (L @ L.T)[None])
+    first = by_motion[0, :, :3] @ L @ L.T @ by_motion[0, :, :3].T
+    sampled = np.cov(drawn.T)
+    deviations = np.sqrt(np.diag(sampled))
+    assert np.abs(drawn.mean(axis=0) - arm[0] - shift[0]).max() < 0.012  # of terms of fourth order
+    assert np.abs(drawn.mean(axis=0) - arm[0]).max() > 0.15
+    off = np.abs(first + arc[0] - sampled) / np.outer(deviations, deviations)
+    assert off.max() < 0.2  # of the product of first and third order, which is left out
+    along = arm[0, :3] / np.linalg.norm(arm[0, :3])
+    told, linear, true = (along @ C[:3, :3] @ along for C in (first + arc[0], first, sampled))
+    assert linear < 0.1 * true
+    assert told == pytest.approx(true, rel=0.25)
 
 
 def test_pairs_have_no_mean_and_a_covariance_of_one():
