@@ -82,12 +82,15 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
 
 @dataclass(frozen=True, eq=False)
 class PivotProblem:
-    """What a solution of `pivot` goes on from when burns are looked for once more.
+    """The problem of `pivot` with its solution, and what it goes on from when burns are looked for once more.
 
-    told: the orbit as given, and orbit, with the Earth's J2 if that acts; start: of the frames that are looked at;
-    unpushed: a solution in which a push has been looked for in vain; plain: that without unknown burns, without strays;
-    fewer: its start; burned: that with burns, `plain` if there are none; solved: with a push, an error of the orbit,
-    and findings.
+    told: the orbit as given, and orbit: with the Earth's J2 if that acts. In the order in which they are reached:
+
+    - start: before any step, with all frames; a solution from there that has no need of a push is unpushed, else None.
+    - plain: the solution without burns that nothing told, and without frames whose attitudes stray, and plain_start,
+      which leaves these out, too.
+    - burned: with such burns; `plain` where there are none.
+    - solved: with a push and an error of the orbit where they are shown, and with findings.
     """
 
     tracks: FeatureTracks
@@ -98,7 +101,7 @@ class PivotProblem:
     start: InitialSolution
     unpushed: PivotSolution | None
     plain: PivotSolution
-    fewer: InitialSolution
+    plain_start: InitialSolution
     burned: PivotSolution
     solved: PivotSolution
 
@@ -115,10 +118,22 @@ class PivotProblem:
         found, start = _of_chosen_degree(data, trajectory, told, options)
         found, start = with_estimated_orbit(found, start, options)
         found, start, orbit, unpushed = _with_smooth_forces(found, start, told, options)
-        plain, fewer = without_strays(found, start, options)
-        problem = cls(tracks, told, orbit, options, data.registered, start, unpushed, plain, fewer, plain, plain)
+        plain, plain_start = without_strays(found, start, options)
+        problem = cls(
+            tracks=tracks,
+            told=told,
+            orbit=orbit,
+            options=options,
+            registered=data.registered,
+            start=start,
+            unpushed=unpushed,
+            plain=plain,
+            plain_start=plain_start,
+            burned=plain,
+            solved=plain,
+        )
         if data.registered.in_line:
-            return problem._finished(plain, fewer)
+            return problem._finished(plain, plain_start)
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
         return problem._with_burns(*with_unknown_burns(plain, data.registered, orbit, start, options))
 
@@ -150,7 +165,7 @@ class PivotProblem:
 
     def _with_burns(self, burned: PivotSolution, start: InitialSolution) -> "PivotProblem":
         if burned is self.plain:
-            return self._finished(burned, self.fewer)
+            return self._finished(burned, self.plain_start)
         burned, start = without_strays(burned, start, self.options)
         return replace(self, burned=burned)._finished(burned, start)
 
