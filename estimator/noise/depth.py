@@ -222,7 +222,7 @@ class _Fit:
 
     @classmethod
     def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
-        """The fit to lengths with variances k_p (1 − c² + ρ² c²), growing with the range of a rig; ρ is 1 unless free."""
+        """The fit of variances k (1 − c² + ρ² c²), growing with the range of a rig, to lengths; ρ is 1 unless free."""
         off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
         across, along = (1 - lengths.along) * growth, lengths.along * growth**2
         count, log_ratio = lengths.summed(seen.astype(np.float64)), 0.0
