@@ -21,7 +21,8 @@ FINE = 10.0  # factor between neighbouring levels
 GENEROUS = 1e4  # level of a noise that leaves the other one free to be judged
 MAX_REFINEMENTS = 12  # moves of the bank to a better neighbour
 CLOSE = 0.4  # decades, within which a density need not be evaluated beside another
-NEGLIGIBLE = 0.02  # probability below which a member does not enter the result
+NEGLIGIBLE = 0.02  # probability below which a member does not enter the result,
+ALL = 0.9  # unless those that do have less than this together, as where many are equally probable
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,9 @@ class Bank:
         turns, turn_weight = self._weights(self.turn, best)
         weight = np.outer(path_weight, turn_weight).ravel()
         members = [Member(path, turn) for path, turn in product(paths, turns)]
-        kept = weight >= min(NEGLIGIBLE, float(weight.max()))
+        descending = np.sort(weight)[::-1]
+        enough = descending[np.searchsorted(np.cumsum(descending), ALL)]
+        kept = weight >= min(NEGLIGIBLE, float(enough))
         return [member for member, keep in zip(members, kept, strict=True) if keep], weight[kept] / weight[kept].sum()
 
     def _survey(self, best: Member) -> None:

@@ -44,6 +44,21 @@ def test_the_search_ends_at_the_level_nearest_to_the_maximum(middle):
     assert best.path == pytest.approx(10 ** np.round(np.log10(middle)))
 
 
+@pytest.mark.parametrize("height", [0.0, 1.0, 2.0])
+def test_many_members_of_little_probability_are_not_left_out_together(height):
+    """Both noises may be none, or any from 1e-4.5 to 1e4.5, which is as many times as probable as the height says."""
+    free = Axis(1.0, "auto")
+
+    def evaluate(members):
+        pairs = np.array([[member.path, member.turn] for member in members])
+        return np.where(pairs.max(axis=1) > 3e4, -1e3, height * (pairs > 0).sum(axis=1))
+
+    bank = Bank(free, free, evaluate)
+    members, probability = bank.posterior(bank.best(Member(0.0, 0.0)))
+    none = sum(p for member, p in zip(members, probability, strict=True) if member.path == 0)
+    assert none == pytest.approx(1 / (1 + 9 / DECADES * np.exp(height)), abs=0.1)
+
+
 def test_a_density_that_is_given_is_the_only_one():
     bank = Bank(Axis(1.0, 1e-3), NONE, bell(1.0, 1e-3, 1.0))
     best = bank.best(None)
