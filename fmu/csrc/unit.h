@@ -1,8 +1,8 @@
 /* A unit as FMI's shell sees it. The shell (instance.c, values.c, step.c, saved.c, *_calls.c, fmi*.c) is the same for all units;
    a unit's core defines the struct and the functions below (target.*, or sampled.* with another file).
 
-   Sizes, names, starts and texts of checks are generated into tables.h, and the equations into model.c; core.h, core.c and
-   calls.c include the files of one unit. FMI plays no part in this file. */
+   Sizes, names and texts of checks are generated into tables.h, and the equations into model.c; core.h, core.c and calls.c
+   include the files of one unit; scenario.c has a scenario's own. FMI plays no part in this file. */
 
 #ifndef BARYSCOPE_UNIT_H
 #define BARYSCOPE_UNIT_H
@@ -32,6 +32,15 @@ typedef struct {
 } Check;
 
 #include "tables.h"
+
+/* A scenario's own. Where it is compiled by itself, all else is the same for every scenario with this tables.h and model.c. */
+#ifdef SCENARIO_APART
+extern const char MODEL_TOKEN[];
+extern const double STARTS[N_INPUTS + N_PARAMETERS];
+#else
+#define SCENARIO_LINKAGE static
+#include "scenario.c"
+#endif
 
 #define MESSAGE_SIZE 512
 

@@ -4,11 +4,18 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from baryscope.fmu.generate.codegen import generated_sources, token_header
+from baryscope.fmu.generate.codegen import generated_sources, scenario_source
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
 from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.documentation import documents
-from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
+from baryscope.fmu.generate.sources import (
+    MAIN,
+    SCENARIO,
+    build_description,
+    interface_headers,
+    licences,
+    unit_sources,
+)
 from baryscope.fmu.layout.archive import pack
 from baryscope.fmu.layout.platforms import FmiVersion, Selection, binary_members, selected
 from baryscope.fmu.units import Blueprint, blueprint_of
@@ -69,7 +76,7 @@ def pack_unit(
         headers = interface_headers(fmi)
         compiler = tuple(find_compiler() if platforms == "host" else find_cross_compiler())
         jobs = [
-            Job(sources | headers, MAIN, f"{unit.name}{platform.suffix}", platform, compiler)
+            Job(sources | headers, MAIN, f"{unit.name}{platform.suffix}", platform, compiler, SCENARIO)
             for platform in selected(platforms)
         ]
         libraries = compile_all(jobs, progress)
@@ -90,7 +97,7 @@ def describe_unit(
     generated = generated_sources(unit, fmi, scalar)
 
     def sources(token: str) -> dict[str, bytes]:
-        return unit_sources(generated | {"token.h": token_header(token)}, fmi, main)
+        return unit_sources(generated | {SCENARIO: scenario_source(unit, token)}, fmi, main)
 
     token = _token(sources(""), model_description(unit, "", fmi, scalar))
     return model_description(unit, token, fmi, scalar), sources(token)

@@ -108,6 +108,8 @@ class Job:
         output: the library's name.
         platform: the one to compile for.
         compiler: the command, by `find_compiler` or `find_cross_compiler`.
+        apart: a source that is compiled by itself, as many libraries differ by it alone; the others are compiled with
+            SCENARIO_APART defined, and the result is kept for the next such library. Empty for none.
     """
 
     sources: Mapping[str, bytes]
@@ -115,6 +117,7 @@ class Job:
     output: str
     platform: Platform
     compiler: tuple[str, ...]
+    apart: str = ""
 
     @property
     def by_zig(self) -> bool:
@@ -132,13 +135,15 @@ class Job:
         else:
             target = ("-mcpu=baseline", "-s")
         flags = [flag.format(library=self.output) for flag in self.platform.flags]
-        compiling = [*target, *FLAGS, *DEFINITIONS, *WARNINGS, "-I.", self.main]
-        if not self._runtime:
-            own = [] if self.by_zig else _words_of("CFLAGS")
+        common = [*target, *FLAGS, *WARNINGS, *self.platform.code_flags]
+        own = [] if self.by_zig else _words_of("CFLAGS")
+        compiling = [*common, *DEFINITIONS, "-I.", self.main]
+        if not (self.apart or self._runtime):
             return [[*compiling, *own, "-o", self.output, *flags]]
-        # In two steps, as zig has its C library's headers only where it links that library, too.
-        linked = [_OBJECT, *self._runtime, *flags, *self.platform.runtime_flags]
-        return [[*compiling, "-c", "-o", _OBJECT], [*target, *FLAGS, *WARNINGS, *linked, "-o", self.output]]
+        # In two steps with a runtime, too, as zig has its C library's headers only where it links that library.
+        definitions, others = (["-DSCENARIO_APART"], [self.apart]) if self.apart else ([], [])
+        linked = [_OBJECT, *others, *self._runtime, *flags, *self.platform.runtime_flags]
+        return [[*compiling, *definitions, *own, "-c", "-o", _OBJECT], [*common, *own, *linked, "-o", self.output]]
 
     @property
     def files(self) -> dict[str, bytes]:
@@ -152,12 +157,20 @@ class Job:
 
     def key(self) -> str | None:
         """The hash of everything the library is made from; None if the compiler's version is unknown."""
+        return self._hash_of(self.steps, self.files)
+
+    def object_key(self) -> str | None:
+        """The hash of everything that all but `apart` is made from; None as for `key`, and where nothing is apart."""
+        others = {name: content for name, content in self.sources.items() if name != self.apart}
+        return self._hash_of(self.steps[:1], others) if self.apart else None
+
+    def _hash_of(self, steps: list[list[str]], files: Mapping[str, bytes]) -> str | None:
         identity = _identity(self)
         if identity is None:
             return None
         settings = [f"{name}={os.environ.get(name, '')}" for name in _ENVIRONMENT]
-        digest = hashlib.sha256(repr((identity, self.steps, settings)).encode())
-        for name, content in sorted(self.files.items()):
+        digest = hashlib.sha256(repr((identity, steps, settings)).encode())
+        for name, content in sorted(files.items()):
             digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
         return digest.hexdigest()
 
@@ -227,8 +240,15 @@ def _compile(job: Job, compilers: Compilers) -> tuple[bytes, str]:
     with temporary_folder() as folder:
         for member, content in job.files.items():
             (folder / member).write_bytes(content)
-        for arguments in job.steps:
+        key, steps = job.object_key(), job.steps
+        kept = load_cached(key) if key else None
+        if kept:
+            (folder / _OBJECT).write_bytes(kept)
+            steps = steps[1:]
+        for arguments in steps:
             messages += _run(job, arguments, folder, compilers)
+        if key and not kept and not messages:
+            store_cached(key, (folder / _OBJECT).read_bytes())
         return (folder / job.output).read_bytes(), messages
 
 

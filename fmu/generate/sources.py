@@ -15,6 +15,7 @@ import fmpy
 from baryscope.fmu.layout.platforms import FmiVersion
 
 MAIN = "all.c"
+SCENARIO = "scenario.c"  # the file of which alone a scenario's numbers decide
 LANGUAGE = "C11"
 _INCLUDE = re.compile(rb'^\s*#\s*include\s+"([^"]+)"', re.MULTILINE)
 

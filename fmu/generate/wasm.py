@@ -7,7 +7,7 @@ from typing import Any
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
-from baryscope.fmu.generate.sources import interface_headers
+from baryscope.fmu.generate.sources import SCENARIO, interface_headers
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.files import AnyPath, replacing
@@ -39,7 +39,8 @@ def wasm_module(unit: Blueprint, progress: Progress | None = None) -> Module:
         ComputationError: ziglang is not installed, or fails.
     """
     _, sources = describe_unit(unit, 2, main="wasm.c")
-    job = Job(sources | interface_headers(2), "wasm.c", f"{unit.name}.wasm", WASM, tuple(find_cross_compiler()))
+    compiler = tuple(find_cross_compiler())
+    job = Job(sources | interface_headers(2), "wasm.c", f"{unit.name}.wasm", WASM, compiler, SCENARIO)
     return Module(compile_all([job], progress)[WASM], _table(unit))
 
 

@@ -29,7 +29,8 @@ class Platform:
         fmi2_common: the folder in which importers of FMI 2 look whatever the processor.
         suffix: of shared libraries.
         target: zig's name; empty if only a native compiler builds for the platform.
-        flags: what the compiler needs to make a shared library; `{library}` stands for the file's name.
+        flags: what the linker needs to make a shared library; `{library}` stands for the file's name.
+        code_flags: what the compiler needs to make code for one.
         runtime: a file of csrc/ that zig compiles and links with runtime_flags in place of its own C library.
     """
 
@@ -39,6 +40,7 @@ class Platform:
     suffix: str
     target: str
     flags: tuple[str, ...]
+    code_flags: tuple[str, ...] = ()
     runtime: str = ""
     runtime_flags: tuple[str, ...] = ()
 
@@ -47,12 +49,12 @@ class Platform:
         return (self.name,) if fmi == 3 else tuple(dict.fromkeys((self.fmi2_folder, self.fmi2_common)))
 
 
-_ELF = ("-shared", "-fPIC", "-lm")
+_ELF = (("-shared", "-lm"), ("-fPIC",))
 # Without a fixed name the linker stores the path of the output in the library.
 _MACH_O = ("-shared", "-Wl,-install_name,@rpath/{library}")
 
-X86_64_LINUX = Platform("x86_64-linux", "linux64", "linux64", ".so", "x86_64-linux-gnu.2.17", _ELF)
-AARCH64_LINUX = Platform("aarch64-linux", "aarch64-linux", "linux64", ".so", "aarch64-linux-gnu.2.17", _ELF)
+X86_64_LINUX = Platform("x86_64-linux", "linux64", "linux64", ".so", "x86_64-linux-gnu.2.17", *_ELF)
+AARCH64_LINUX = Platform("aarch64-linux", "aarch64-linux", "linux64", ".so", "aarch64-linux-gnu.2.17", *_ELF)
 X86_64_WINDOWS = Platform(
     "x86_64-windows",
     "win64",
@@ -60,8 +62,8 @@ X86_64_WINDOWS = Platform(
     ".dll",
     "x86_64-windows-gnu",
     ("-shared",),
-    "windows.c",
-    ("-nostdlib", "-lucrtbase", "-Wl,-e,windows_entry"),
+    runtime="windows.c",
+    runtime_flags=("-nostdlib", "-lucrtbase", "-Wl,-e,windows_entry"),
 )
 X86_64_DARWIN = Platform("x86_64-darwin", "darwin64", "darwin64", ".dylib", "x86_64-macos.11.0", _MACH_O)
 AARCH64_DARWIN = Platform("aarch64-darwin", "aarch64-darwin", "darwin64", ".dylib", "aarch64-macos.11.0", _MACH_O)
@@ -79,8 +81,8 @@ def host_platform() -> Platform:
     for known in PLATFORMS:
         if known.name == fmpy.platform_tuple and (known.suffix != ".so" or libc_ver()[0] == "glibc"):
             return known
-    flags = ("-shared",) if fmpy.system == "windows" else _ELF
-    return Platform(fmpy.platform_tuple, fmpy.platform, fmpy.platform, fmpy.sharedLibraryExtension, "", flags)
+    flags = (("-shared",),) if fmpy.system == "windows" else _ELF
+    return Platform(fmpy.platform_tuple, fmpy.platform, fmpy.platform, fmpy.sharedLibraryExtension, "", *flags)
 
 
 def selected(selection: Selection) -> tuple[Platform, ...]:

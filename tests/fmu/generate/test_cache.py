@@ -1,11 +1,15 @@
 """The cache of compiled libraries: it returns what was stored or nothing, and never fails."""
 
 import os
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.generate import cache
+from baryscope.fmu.generate.compiler import find_compiler
 
 
 @pytest.fixture
@@ -89,3 +93,35 @@ def test_the_entries_longest_unused_are_forgotten(folder, monkeypatch):
     assert cache.load_cached("a") == b"a"  # and is the newest now
     cache.store_cached("d", b"d")
     assert sorted(path.name for path in folder.iterdir()) == ["a", "c", "d"]
+
+
+COMPILER = """#!/bin/sh
+case "$*" in *--version*) ;; *) echo "$@" >> {calls};; esac
+exec {real} "$@"
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the compiler of this test is a shell script")
+def test_a_scenario_of_other_numbers_compiles_no_equations(folder, envisat, small, tmp_path, monkeypatch):
+    """They stand in all.c. The unit is, to the byte, what it is without the cache, and has features of its own."""
+    calls, own = tmp_path / "calls", tmp_path / "own-cc"
+    own.write_text(COMPILER.format(calls=calls, real=" ".join(find_compiler())))
+    own.chmod(0o755)
+    monkeypatch.setenv("CC", str(own))
+    points, features = envisat.features.points, small.features
+    scenarios = {"first": points[:3], "other": points[3:6], "more": points[:4]}
+    scenarios = {
+        name: small.model_copy(update={"features": features.model_copy(update={"points": some})})
+        for name, some in scenarios.items()
+    }
+    units = {}
+    for name, scenario in scenarios.items():
+        calls.write_text("")
+        units[name] = build_fmu(scenario, tmp_path / f"{name}.fmu")
+        assert ("all.c" in calls.read_text().split()) == (name != "other")
+        assert "scenario.c" in calls.read_text().split()
+    shutil.rmtree(folder)
+    assert build_fmu(scenarios["other"], tmp_path / "whole.fmu").read_bytes() == units["other"].read_bytes()
+    with Session(units["other"]) as session:
+        between = np.linalg.norm(session.features[0] - session.features[1])
+    assert between == pytest.approx(np.linalg.norm(np.subtract(points[3].position, points[4].position)), rel=1e-12)
