@@ -36,7 +36,7 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_HYPOT: np.hypot,
 }
 BLOCK = 16384  # points at a time: many for one call of NumPy, few for the processor's cache
-FEW, LONG = 64, 200  # CasADi's map takes up to so many points of functions of at least so many instructions
+FEW, LONG = 120, 200  # up to so many points of functions of at least so many instructions CasADi's map is faster
 
 
 class ColumnFunction:

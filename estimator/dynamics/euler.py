@@ -25,7 +25,8 @@ from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 
 FloatArray = NDArray[np.float64]
 
-CHUNK = 64  # steps in one call of the compiled function
+CHUNK = 64  # steps in one call of a function of CasADi, at most
+MULTIPLE = 8  # such a call has a multiple of so many, which cost as much as the call itself
 FORCED = 3 * POINTS  # values of the angular acceleration in a step
 
 
@@ -44,12 +45,18 @@ def rate_columns(gravity_gradient: bool) -> ColumnFunction:
 
 
 @cache
-def advance(gravity_gradient: bool, forced: bool) -> ca.Function:
-    """The function (x, sizes, constants) → states (size, CHUNK) after each of CHUNK steps.
+def advance(gravity_gradient: bool, forced: bool, count: int) -> ca.Function:
+    """The function (x, sizes, constants) → states (size, count) after each of `count` steps.
 
     x is (q, ω, true anomaly) with gravity gradient, else ω alone. If `forced`, (x, sizes, accelerations (FORCED,
-    CHUNK), constants).
+    count), constants).
     """
+    return _advance(gravity_gradient, forced).mapaccum(count)
+
+
+@cache
+def _advance(gravity_gradient: bool, forced: bool) -> ca.Function:
+    """One step of `advance`."""
     x, h, c = _symbols(gravity_gradient)
     f = ca.SX.sym("f", FORCED)
     state = x if gravity_gradient else x[4:7]
@@ -62,7 +69,7 @@ def advance(gravity_gradient: bool, forced: bool) -> ca.Function:
         return found + _interpolated(f, fraction) if forced else found
 
     inputs = [state, h, f, c] if forced else [state, h, c]
-    return ca.Function("advance", inputs, [step(rates, state, h)], {"cse": True}).mapaccum(CHUNK)
+    return ca.Function("advance", inputs, [step(rates, state, h)], {"cse": True})
 
 
 @cache

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -21,6 +20,7 @@ from scipy.sparse import csr_array
 from baryscope.estimator.dynamics.euler import (
     CHUNK,
     FORCED,
+    MULTIPLE,
     advance,
     anomaly_function,
     rate_columns,
@@ -346,9 +346,9 @@ def _integrate(
     attitude, anomaly = quaternion_from_matrix(start.attitude[None])[0], _true_anomaly(start, np.array([start.epoch]))
     if start.orbit is not None:
         first = np.concatenate([attitude, start.rate, anomaly])
-        back, forth = (_walk(advance(True, forced), first, [one[:, p] for one in inputs], constants) for p in parts)
+        back, forth = (_walk((True, forced), first, [one[:, p] for one in inputs], constants) for p in parts)
         return back, forth
-    rates = [_walk(advance(False, forced), start.rate, [one[:, p] for one in inputs], constants) for p in parts]
+    rates = [_walk((False, forced), start.rate, [one[:, p] for one in inputs], constants) for p in parts]
     turns = turn_of_step(forced)(np.hstack([one[:, :-1] for one in rates]), *inputs, constants).T
     back, forth = (
         np.vstack([running_products(np.column_stack([attitude, turns[:, p]])), rate, np.zeros(rate.shape[1])])
@@ -357,16 +357,16 @@ def _integrate(
     return back, forth
 
 
-def _walk(function: ca.Function, first: FloatArray, inputs: list[FloatArray], constants: FloatArray) -> FloatArray:
-    """The states (size, k + 1) of `advance`: the first one, and those after each of k steps."""
+def _walk(kind: tuple[bool, bool], first: FloatArray, inputs: list[FloatArray], constants: FloatArray) -> FloatArray:
+    """The states (size, k + 1) of `advance`, of that kind: the first one, and those after each of k steps."""
     count = inputs[0].shape[1]
-    padded = [np.hstack([one, np.zeros((len(one), -count % CHUNK))]) for one in inputs]  # with steps of no length
+    padded = [np.hstack([one, np.zeros((len(one), -count % MULTIPLE))]) for one in inputs]  # with steps of no length
     states = np.empty((len(first), 1 + padded[0].shape[1]))
     states[:, 0] = first
     for begin in range(0, count, CHUNK):
-        chunk = slice(begin, begin + CHUNK)
-        found = function(states[:, begin], *(one[:, chunk] for one in padded), constants)
-        states[:, begin + 1 : begin + 1 + CHUNK] = found
+        chunk = slice(begin, min(begin + CHUNK, padded[0].shape[1]))
+        found = advance(*kind, chunk.stop - begin)(states[:, begin], *(one[:, chunk] for one in padded), constants)
+        states[:, begin + 1 : chunk.stop + 1] = found
     return states[:, : count + 1]
 
 
