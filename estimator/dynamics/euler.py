@@ -5,7 +5,9 @@ at POINTS times of the step, with a cubic between them. Without gravity gradient
 it alone goes step by step, and by what quaternion each step turns the body is evaluated for all steps at once.
 """
 
-from functools import cache
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,6 +29,7 @@ FloatArray = NDArray[np.float64]
 
 CHUNK = 64  # steps in one call of a function of CasADi, at most
 MULTIPLE = 8  # such a call has a multiple of so many, which cost as much as the call itself
+BY_ARRAYS = range(25, 320)  # numbers of steps whose Jacobians are found faster by arrays than by numbers or columns
 FORCED = 3 * POINTS  # values of the angular acceleration in a step
 
 
@@ -90,32 +93,94 @@ def turn_of_step(forced: bool) -> ColumnFunction:
 
 
 @cache
-def sensitivity_step(gravity_gradient: bool, forced: bool) -> ColumnFunction:
-    """The function (x, size, constants) → Jacobian (6, 11) of a step.
+def sensitivity_step(gravity_gradient: bool, forced: bool) -> Callable[..., FloatArray]:
+    """The function (x (8, n), sizes (1, n), constants) → Jacobians (n, 6, 11) of n steps.
 
-    It maps changes of attitude (a rotation vector in C), rate and inertia before the step to those of attitude and
-    rate after it. If `forced`, (x, size, accelerations (FORCED,), constants) → (6, 11 + FORCED), with the
-    accelerations among the changes.
+    They map changes of attitude (a rotation vector in C), rate and inertia before the step to those of attitude and
+    rate after it. If `forced`, (x, sizes, accelerations (FORCED, n), constants) → (n, 6, 11 + FORCED), with the
+    accelerations among the changes. Few steps, or many, take one expression at all stages; those between, arrays.
     """
+
+    def jacobians(x: FloatArray, h: FloatArray, *others: FloatArray) -> FloatArray:
+        n, start = x.shape[1], _start(forced)
+        if n not in BY_ARRAYS:
+            return _sensitivity(gravity_gradient, forced)(x, h, *others)
+        stages, linear = _at_stages(gravity_gradient, forced)
+        states = np.moveaxis(stages(x, h, *others), 0, 2)  # (8, stages, n)
+        rates = linear(states.reshape(8, -1), others[-1]).reshape(-1, n, 6, 11)
+        own = np.zeros((len(rates), n, *start.shape))
+        own[:, :, :, 6:11] = rates[:, :, :, 6:]
+        forcing = partial(_forcing, forced)
+        return np.asarray(_jacobian(rates[:, :, :, :6], own, forcing, start[None], h[0, :, None, None]))
+
+    return jacobians
+
+
+@cache
+def _at_stages(gravity_gradient: bool, forced: bool) -> tuple[ColumnFunction, ColumnFunction]:
+    """The states at the stages of a step, and the linear equations at a state."""
+    stages = ColumnFunction("stages", *_stages(gravity_gradient, forced))
+    return stages, ColumnFunction("linear", *_linearised_rates(gravity_gradient))
+
+
+def _jacobian(linear: Iterable[Any], own: Iterable[Any], forcing: Callable[[float], Any], start: Any, h: Any) -> Any:
+    """The Jacobian after a step of size h from that before it, whose rate is linear @ Jacobian + own + forcing.
+
+    linear, own: at each stage; forcing: at a fraction of the step; all of them arrays, or all expressions.
+    """
+    stages = zip(linear, own, strict=True)
+
+    def rate(jacobian: Any, fraction: float) -> Any:
+        at_stage, more = next(stages)
+        return at_stage @ jacobian + more + forcing(fraction)
+
+    return step(rate, start, h)
+
+
+def _start(forced: bool) -> FloatArray:
+    """The Jacobian (6, 11), or (6, 11 + FORCED) if forced, of no step."""
+    return np.eye(6, 11 + FORCED if forced else 11)
+
+
+def _forcing(forced: bool, fraction: float) -> FloatArray:
+    """The derivative of its rate, of the same shape, by the accelerations, at a fraction of the step."""
+    found = np.zeros_like(_start(forced))
+    if forced:
+        found[3:, 11:] = np.kron(stage_weights(fraction), np.eye(3))
+    return found
+
+
+@cache
+def _sensitivity(gravity_gradient: bool, forced: bool) -> ColumnFunction:
+    """`sensitivity_step` as one expression."""
+    inputs, states = _stages(gravity_gradient, forced)
+    arguments, rates = _linearised_rates(gravity_gradient)
+    linear = ca.Function("linear", arguments, [rates])
+    at = [linear(state, inputs[-1]) for state in ca.horzsplit(states)]
+    more = ca.SX(6, FORCED if forced else 0)
+    own = [ca.horzcat(ca.SX(6, 6), one[:, 6:], more) for one in at]
+
+    def forcing(fraction: float) -> ca.DM:
+        return ca.sparsify(ca.DM(_forcing(forced, fraction)))
+
+    start = ca.SX(ca.sparsify(ca.DM(_start(forced))))
+    after = _jacobian([one[:, :6] for one in at], own, forcing, start, inputs[1])
+    return ColumnFunction("sensitivity", inputs, after)
+
+
+def _stages(gravity_gradient: bool, forced: bool) -> tuple[list[ca.SX], ca.SX]:
+    """The arguments of `sensitivity_step` for one step, and the states (8, stages) at its stages."""
     x, h, c = _symbols(gravity_gradient)
     f = ca.SX.sym("f", FORCED)
-    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, gravity_gradient)])
-    size = 11 + (FORCED if forced else 0)
-    inertia = ca.horzcat(ca.SX(5, 6), ca.SX.eye(5), ca.SX(5, size - 11))
+    found: list[ca.SX] = []
 
     def rates(state: ca.SX, fraction: float) -> ca.SX:
-        sensitivity = ca.vertcat(ca.reshape(state[8:], 6, size), inertia)
-        motion, change = _rates(state[:8], c, gravity_gradient), linear(state[:8], c) @ sensitivity
-        if forced:
-            motion += ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0)
-            own = ca.horzcat(*(weight * ca.SX.eye(3) for weight in stage_weights(fraction)))
-            change += ca.vertcat(ca.SX(3, size), ca.horzcat(ca.SX(3, 11), own))
-        return ca.vertcat(motion, ca.vec(change))
+        found.append(state)
+        own = _rates(state, c, gravity_gradient)
+        return own + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else own
 
-    start = ca.horzcat(ca.SX.eye(11)[:6, :], ca.SX(6, size - 11))
-    after = step(rates, ca.vertcat(x, ca.vec(start)), h)
-    inputs = [x, h, f, c] if forced else [x, h, c]
-    return ColumnFunction("sensitivity", inputs, ca.reshape(after[8:], 6, size))
+    step(rates, x, h)
+    return [x, h, f, c] if forced else [x, h, c], ca.horzcat(*found)
 
 
 def _interpolated(f: ca.SX, fraction: float) -> ca.SX:
@@ -128,8 +193,10 @@ def _symbols(gravity_gradient: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
     return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if gravity_gradient else 9)
 
 
-def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
-    """Jacobian (6, 11) of the rates of rotation vector and angular rate by rotation vector, angular rate, inertia."""
+def _linearised_rates(gravity_gradient: bool) -> tuple[list[ca.SX], ca.SX]:
+    """State and constants, and the Jacobian (6, 11) there of the rates of rotation vector and angular rate by rotation
+    vector, angular rate and inertia."""
+    x, _, c = _symbols(gravity_gradient)
     q, w = x[:4], x[4:7]
     turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
     turned = ca.vertcat(quaternion_product(ca.vertcat(1, turn / 2), q), x[4:])
@@ -137,7 +204,7 @@ def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
     acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), gravity_gradient)[4:7]
     rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
     linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
-    return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
+    return [x, c], ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
 
 
 def _rate_alone(w: ca.SX, c: ca.SX) -> ca.SX:
