@@ -218,11 +218,12 @@ class ChangingNoise:
 class DepthNoise:
     """Noise has another deviation of a coordinate `along` the line of sight than `across` it, m; at the mean range.
 
-    Every observation is weighed by that.
+    Every observation is weighed by that. told: `along` over `across` by the tracks' covariances; None without any.
     """
 
     across: float
     along: float
+    told: float | None = None
 
 
 @dataclass(frozen=True)

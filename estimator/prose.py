@@ -205,9 +205,15 @@ def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise) -> str:
                 f"the noise changes: {finding.deviations[0]:.2g} m at first, {then}; every frame is weighed by its own"
             )
         case DepthNoise():
+            ratio = finding.along / finding.across
+            told = (
+                "nothing"
+                if finding.told is None
+                else f"covariances with a ratio of {finding.told:.2g}, not {ratio:.2g},"
+            )
             return (
                 f"depths have a noise of {finding.along:.2g} m, places across the line of sight one of "
-                f"{finding.across:.2g} m, which nothing told; every observation is weighed by that"
+                f"{finding.across:.2g} m, which {told} told; every observation is weighed by that"
             )
 
 

@@ -173,6 +173,9 @@ class FindingPart(Part):
     deviations: tuple[float, ...] | None = Field(None, description="changing-noise: of a coordinate in each part, m")
     across: float | None = Field(None, description="depth-noise: deviation of a coordinate across the line of sight, m")
     along: float | None = Field(None, description="depth-noise: the same along it, m")
+    told: float | None = Field(
+        None, description="depth-noise: along over across by the tracks' covariances, null without any"
+    )
     reason: str | None = Field(
         None, description="free-attitudes: why ml or ekf tells no tumble, in words; not to be parsed"
     )

@@ -11,6 +11,9 @@ scatter more than they would if all distances were independent (Chandler and Bat
 Features that stay in a plane across the line of sight, as three of a target that turns about it, have distances of
 which depths are no part. Where distances do not tell, the features' own places do, if the frames follow one another so
 closely that a cubic polynomial is what moves in five of them: what is left, a fourth divided difference, is noise.
+
+Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else: ρ is then the factor on
+the deviations along the line of sight, and k that on all variances.
 """
 
 from dataclasses import dataclass
@@ -61,9 +64,8 @@ class DepthRatio:
 
         place: in C, m, with the rig at the origin, NaN where nothing is seen, which gets that of no direction.
         """
-        distance = np.linalg.norm(place, axis=2)
+        distance, sight = np.linalg.norm(place, axis=2), _directions(place)
         known = np.isfinite(distance) & (distance > 0)
-        sight = np.where(known[..., None], place, 0.0) / np.where(known, distance, 1.0)[..., None]
         growth = np.where(known, distance / self.distance, 1.0) ** 2 if self.of_rig else np.ones_like(distance)
         own, depth = (one**2 for one in self.deviations(1.0))
         across, along = (own * growth)[..., None, None], (depth * growth**2)[..., None, None]
@@ -77,14 +79,57 @@ def depth_ratio(time: FloatArray, position: FloatArray, seen: BoolArray) -> Dept
 
     seen (n, m). The rig is at the origin of C.
     """
+    return _shown_ratio(time, position, seen, None)
+
+
+def depth_factor(time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray) -> float | None:
+    """By how much noisier, or better, depths are than their covariance (n, m, 3, 3) in C, m², tells; otherwise as
+    `depth_ratio`.
+    """
+    found = _shown_ratio(time, position, seen, covariance)
+    return None if found is None else found.ratio
+
+
+def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
+    """The covariance (n, m, 3, 3) in C, m², of observations at places (n, m, 3) with deviations along the line of sight
+    times a factor.
+    """
+    sight = _directions(place)
+    more = (factor**2 - 1) * _variances(covariance, sight)
+    return np.asarray(covariance + more[..., None, None] * sight[..., :, None] * sight[..., None, :])
+
+
+def deviations(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:
+    """The rms deviations, m, across and along the lines of sight to places (k, 3) in C, of covariances (k, 3, 3)."""
+    along = _variances(covariance, _directions(place))
+    across = (np.trace(covariance, axis1=-2, axis2=-1) - along) / 2
+    return float(np.sqrt(across.mean())), float(np.sqrt(along.mean()))
+
+
+def _directions(place: FloatArray) -> FloatArray:
+    """Lines of sight (..., 3) to places in C; zero where nothing is seen."""
+    distance = np.linalg.norm(place, axis=-1, keepdims=True)
+    known = np.isfinite(distance) & (distance > 0)
+    return np.where(known, place, 0.0) / np.where(known, distance, 1.0)
+
+
+def _variances(covariance: FloatArray, axis: FloatArray) -> FloatArray:
+    """Those (...) of covariances (..., 3, 3) along axes (..., 3)."""
+    return np.asarray(np.einsum("...i,...ij,...j->...", axis, covariance, axis))
+
+
+def _shown_ratio(
+    time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray | None
+) -> DepthRatio | None:
     rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
-    lengths, blocks = _Lengths.of_pairs(position[rows], seen[rows]), min(BLOCKS, len(rows) // 2)
+    own = None if covariance is None else covariance[rows]
+    lengths, blocks = _Lengths.of_pairs(position[rows], seen[rows], own), min(BLOCKS, len(rows) // 2)
     if not lengths.off.size or blocks < LEAST_BLOCKS:
         return None
     found = _Ratio.of(lengths, blocks)
     if found.tells or found.shown is not None:
         return found.shown
-    differences = _Lengths.of_differences(time, position, seen, lengths.distance)
+    differences = _Lengths.of_differences(time, position, seen, covariance, lengths.distance)
     return None if differences is None else _Ratio.of(differences, blocks).shown
 
 
@@ -92,19 +137,21 @@ def depth_ratio(time: FloatArray, position: FloatArray, seen: BoolArray) -> Dept
 class _Lengths:
     """Lengths: by how much they are off the typical ones, (n, k), m, where they are seen, (n, k).
 
-    along (n, k): squared cosines with the line of sight; range_squared (n, k), over that of the mean `distance`, m;
-    alike (k,): the index of those whose deviation is the same but for these.
+    across, along (n, k): parts of the variance as told by places across and along the line of sight, in 1 for each, or
+    m²; range_squared (n, k), over that of the mean `distance`, m, 1 where variances are told; alike (k,): the index of
+    those whose deviation is the same but for these.
     """
 
     off: FloatArray
     seen: BoolArray
+    across: FloatArray
     along: FloatArray
     range_squared: FloatArray
     distance: float
     alike: IntArray
 
     @classmethod
-    def of_pairs(cls, position: FloatArray, seen: BoolArray) -> "_Lengths":
+    def of_pairs(cls, position: FloatArray, seen: BoolArray, covariance: FloatArray | None) -> "_Lengths":
         """Distances in positions (n, m, 3) in C, m, that are noisy, but less than the body is large."""
         distances = distances_between(position, seen)
         few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
@@ -115,48 +162,54 @@ class _Lengths:
         kept = (noise > ROUNDING * typical) & (noise < BODY * typical)
         off, both, (i, j) = off[:, kept], both[:, kept], distances.pairs[few][kept].T
         shown = np.where(seen[..., None], position, 0.0)
-        apart, middle = shown[:, i] - shown[:, j], (shown[:, i] + shown[:, j]) / 2
-        away = np.linalg.norm(middle, axis=2)
-        size = np.maximum(np.linalg.norm(apart, axis=2) * away, 1e-300)
-        along = (np.einsum("nki,nki->nk", apart, middle) / size) ** 2
+        middle = (shown[:, i] + shown[:, j]) / 2
+        apart, sight, away = _directions(shown[:, i] - shown[:, j]), _directions(middle), np.linalg.norm(middle, axis=2)
         mean = float(away[both].mean()) if both.any() else 1.0
-        return cls(off, both, along, np.where(both, away / mean, 1.0) ** 2, mean, np.arange(off.shape[1]))
+        growth = np.where(both, away / mean, 1.0) ** 2
+        along, whole = np.einsum("nki,nki->nk", apart, sight) ** 2, np.ones(off.shape)
+        if covariance is not None:
+            told = covariance[:, i] + covariance[:, j]
+            along, whole, growth = along * _variances(told, sight), _variances(told, apart), whole
+        return cls(off, both, np.maximum(whole - along, 0.0), along, growth, mean, np.arange(off.shape[1]))
 
     @classmethod
     def of_differences(
-        cls, time: FloatArray, position: FloatArray, seen: BoolArray, distance: float
+        cls, time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray | None, distance: float
     ) -> "_Lengths | None":
         """Fourth divided differences of positions (n, m, 3) in C, m, along the line of sight and two axes across it;
         None if they are no noise.
 
         Those of white noise that follow one another have a correlation of −0.8, those of a motion nearly 1.
         """
+        few = np.unique(np.linspace(0, seen.shape[1] - 1, min(seen.shape[1], MOST_PAIRS)).astype(int))
         begins, follows = _windows(time)
         window = begins[:, None] + np.arange(DIFFERENCE)
         apart = time[window][:, :, None] - time[window][:, None, :] + np.eye(DIFFERENCE)
         factor = 1 / np.prod(apart / apart.max(axis=(1, 2))[:, None, None], axis=2)
         factor /= np.linalg.norm(factor, axis=1)[:, None]
-        known, place = seen[window].all(axis=1), position[begins + DIFFERENCE // 2]
-        if not known.any():
+        known = seen[:, few][window].all(axis=1)
+        few = few[known.any(axis=0)]
+        if not few.size:
             return None
+        known, place = seen[:, few][window].all(axis=1), position[:, few][begins + DIFFERENCE // 2]
         sight = np.where(known[..., None], place, place[known].mean(axis=0))
         away = np.linalg.norm(sight, axis=2, keepdims=True)
-        off = np.einsum("nw,nwmi->nmi", factor, np.where(known[:, None, :, None], position[window], 0.0))
-        off = np.einsum("nmai,nmi->nma", _axes(sight / away), off)
+        axes = _axes(sight / away)
+        shown = np.where(known[:, None, :, None], position[:, few][window], 0.0)
+        off = np.einsum("nw,nwmi,nmai->nma", factor, shown, axes, optimize=True)
         both = follows[:, None] & known[:-1] & known[1:]
         products, squares = (np.sum(off[:-1][both] * one[both]) for one in (off[1:], off[:-1]))
         if not products < NOISE * squares:
             return None
-        kept = np.flatnonzero(known.any(axis=0))
-        growth = (away[:, kept, 0] / distance) ** 2
-        return cls(
-            off=off[:, kept].reshape(len(off), -1),
-            seen=np.repeat(known[:, kept], 3, axis=1),
-            along=np.tile(np.eye(3)[0], (len(off), len(kept))),
-            range_squared=np.repeat(growth, 3, axis=1),
-            distance=distance,
-            alike=np.repeat(np.arange(len(kept)), 3),
+        told, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
+        if covariance is not None:
+            whole = np.einsum("nw,nwmij->nmij", factor**2, covariance[:, few][window])
+            told, growth = np.where(known[..., None], _variances(whole[:, :, None], axes), 1.0), told
+        across, along, growth, known = (
+            one.reshape(len(off), -1)
+            for one in (told * [0, 1, 1], told * [1, 0, 0], growth, np.repeat(known[..., None], 3, axis=2))
         )
+        return cls(off.reshape(len(off), -1), known, across, along, growth, distance, np.repeat(np.arange(len(few)), 3))
 
     def summed(self, values: FloatArray) -> FloatArray:
         """The sum of values (n, k) over frames and all columns that are alike, for each column (k,)."""
@@ -222,9 +275,9 @@ class _Fit:
 
     @classmethod
     def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
-        """The fit of variances k (1 − c² + ρ² c²), growing with the range of a rig, to lengths; ρ is 1 unless free."""
+        """The fit of k (1 − c² + ρ² c²), or as told, growing with a rig's range, to lengths; ρ is 1 unless free."""
         off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
-        across, along = (1 - lengths.along) * growth, lengths.along * growth**2
+        across, along = lengths.across * growth, lengths.along * growth**2
         count, log_ratio = lengths.summed(seen.astype(np.float64)), 0.0
         scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
         for _ in range(ROUNDS):

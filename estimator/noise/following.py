@@ -20,7 +20,7 @@ from baryscope.estimator.claims import widened
 from baryscope.estimator.findings import ChangingNoise, DepthNoise, Finding
 from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.noise.changes import Part, noise_parts
-from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
+from baryscope.estimator.noise.depth import DepthRatio, depth_factor, depth_ratio, deviations, with_noisier_depths
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Estimate
@@ -39,18 +39,21 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     """The estimate by a fit, with the noise of each part of the tracks where one noise rejects what a part shows, and
     with that of depths where it is another than across the line of sight.
 
-    Tracks with covariances tell their noise by themselves. A sigma is not used where the noise changes or has axes.
+    Tracks with covariances tell their noise by themselves, but how much noisier depths are may be told wrongly. A sigma
+    is not used where the noise changes or has axes.
 
     Raises:
         ComputationError: the tracks do not determine the unknowns.
     """
     plain = with_credible_sigma(lambda told: fit(tracks, told), options)
-    if tracks.covariance is not None:
-        return plain
     source = _sources(plain, tracks)
-    parts = _rejecting_parts(plain, tracks)
     without_pose = tracks.seen[:, source] & ~np.any(plain.used, axis=1, keepdims=True)
-    ratio = depth_ratio(tracks.time, tracks.position[:, source], (plain.used | without_pose) & ~plain.rejected)
+    right = (plain.used | without_pose) & ~plain.rejected
+    if tracks.covariance is not None:
+        factor = depth_factor(tracks.time, tracks.position[:, source], right, tracks.covariance[:, source])
+        return plain if factor is None else _with_depths_as_shown(fit, tracks, options, plain, factor)
+    parts = _rejecting_parts(plain, tracks)
+    ratio = depth_ratio(tracks.time, tracks.position[:, source], right)
     if not parts and ratio is None:
         return plain
     deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
@@ -68,6 +71,24 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     except ComputationError:
         return plain
     return _claimed(found, plain, weighed, parts, ratio)
+
+
+def _with_depths_as_shown(
+    fit: Fit, tracks: FeatureTracks, options: PathOptions, plain: Estimate, factor: float
+) -> Estimate:
+    """The estimate with deviations along the line of sight times a factor on what the tracks' covariances tell."""
+    told = np.asarray(tracks.covariance)
+    weighed = replace(tracks, covariance=with_noisier_depths(told, tracks.position, factor))
+    try:
+        found = fit(weighed, options)
+    except ComputationError:
+        return plain
+    across, along = deviations(told[tracks.seen], tracks.position[tracks.seen])
+    size = found.noise.a_posteriori
+    finding = DepthNoise(size * across, size * factor * along, along / across)
+    return replace(
+        found, findings=(*found.findings, finding), options=plain.options, wall_time=plain.wall_time + found.wall_time
+    )
 
 
 def _sources(found: Estimate, tracks: FeatureTracks) -> list[int]:

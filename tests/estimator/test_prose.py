@@ -126,6 +126,11 @@ def test_verdict_names_a_skew_axis():
             "every observation is weighed by that",
         ),
         (
+            DepthNoise(0.00127, 0.0071, 2.5),
+            "depths have a noise of 0.0071 m, places across the line of sight one of 0.0013 m, which covariances with "
+            "a ratio of 2.5, not 5.6, told; every observation is weighed by that",
+        ),
+        (
             FreeAttitudes("the steps to a tumble do not converge"),
             "the steps to a tumble do not converge: this is the estimate with free attitudes, as of pivot",
         ),

@@ -53,7 +53,7 @@ def test_status_is_the_most_severe_defect():
         DisagreeingClusters(("a",), (0, 1), 4.0),
     )
     assert an_estimate().status is Status.GOOD
-    noises = (WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03)), DepthNoise(0.01, 0.05))
+    noises = (WrongSigma(0.01, 0.02), ChangingNoise((0.0, 3.0), (0.01, 0.03)), DepthNoise(0.01, 0.05, 2.5))
     for remark in (
         DifferentPoints(("a",), (0, 1)),
         UntoldAccuracy(1e4, 0.0),

@@ -1,4 +1,4 @@
-"""Noise that is another along the line of sight than across it, of tracks that come without covariances."""
+"""Noise that is another along the line of sight than across it, or than covariances tell."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import DepthNoise
-from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
+from baryscope.estimator.noise.depth import DepthRatio, depth_factor, depth_ratio
 from baryscope.estimator.result import Status
 
 TIME = np.arange(300.0)
@@ -17,11 +17,11 @@ CENTRE = np.array([3.0, -5.0, 20.0])
 FIXED = PathOptions(trajectory="fixed")
 
 
-def seen_by_a_rig(seed, ratio=RATIO, across=ACROSS, approach=0.0, told=False):
+def seen_by_a_rig(seed, ratio=RATIO, across=ACROSS, approach=0.0, told=None):
     """Six features about a fixed centre, turning freely as a symmetric top, with noise of a rig at the origin of C.
 
     approach: share of the range by which the target comes nearer; across and along, noise goes with range and its
-    square, and is that of `across` and `ratio` at the mean range.
+    square, and is that of `across` and `ratio` at the mean range. told: the ratio by the tracks' covariances.
     """
     rng = np.random.default_rng(seed)
     precession = Rotation.from_rotvec(0.031 * TIME[:, None] * np.array([0.3, 0.9, 0.1]))
@@ -34,17 +34,19 @@ def seen_by_a_rig(seed, ratio=RATIO, across=ACROSS, approach=0.0, told=False):
     outer = sight[..., :, None] * sight[..., None, :]
     noise = deviation[0] * rng.normal(size=true.shape)
     noise += sight * (deviation[1] * rng.normal(size=distance.shape) - np.sum(noise * sight, axis=2, keepdims=True))
-    across2, along2 = (one[..., None] ** 2 for one in deviation)
-    covariance = across2 * (np.eye(3) - outer) + along2 * outer
-    return FeatureTracks(TIME, true + noise, tuple("abcdef"), covariance if told else None)
+    if told is None:
+        return FeatureTracks(TIME, true + noise, tuple("abcdef"))
+    across2, along2 = deviation[0][..., None] ** 2, (told / ratio * deviation[1][..., None]) ** 2
+    return FeatureTracks(TIME, true + noise, tuple("abcdef"), across2 * (np.eye(3) - outer) + along2 * outer)
 
 
-def across_the_sight(seed, ratio, lever=0.3, shake=0.0, memory=0.0):
+def across_the_sight(seed, ratio, lever=0.3, shake=0.0, memory=0.0, told=None):
     """Tracks of three features near a plane across the line of sight, about which the target turns by two radians, and
     the path (n, 3) of its centre, which has no acceleration.
 
     lever: of the features from the centre along the line of sight, m; shake: white displacements that all features of
-    a frame have in common, the same along all axes, m, with an autocorrelation of `memory` to the next frame.
+    a frame have in common, the same along all axes, m, with an autocorrelation of `memory` to the next frame; told: the
+    ratio by the tracks' covariances.
     """
     rng, time, sight = np.random.default_rng(seed), TIME[:200], CENTRE / np.linalg.norm(CENTRE)
     axis = np.cross(sight, rng.normal(size=3))
@@ -60,7 +62,11 @@ def across_the_sight(seed, ratio, lever=0.3, shake=0.0, memory=0.0):
     noise += (ratio - 1) * np.sum(noise * toward, axis=2, keepdims=True) * toward
     common = rng.normal(size=(100 + len(time), 1, 3))
     common = shake * lfilter([np.sqrt(1 - memory**2)], [1, -memory], common, axis=0)[100:]
-    return FeatureTracks(time, true + noise + common, tuple("abc")), path
+    position = true + noise + common
+    if told is None:
+        return FeatureTracks(time, position, tuple("abc")), path
+    covariance = np.eye(3) + (told**2 - 1) * toward[..., :, None] * toward[..., None, :]
+    return FeatureTracks(time, position, tuple("abc"), ACROSS**2 * covariance), path
 
 
 def normalised_square(found, centre=CENTRE):
@@ -76,9 +82,9 @@ def test_deviations_have_their_ratio_and_their_root_mean_square():
 
 def test_what_no_covariance_tells_is_found_and_used():
     """As good as with the covariances, to 10 %, and five standard deviations of the mean of 25 normalised squares."""
-    squares, errors = [], {True: [], False: []}
+    squares, errors = [], {RATIO: [], None: []}
     for seed in range(25):
-        for told in (True, False):
+        for told in (RATIO, None):
             found = estimate(seen_by_a_rig(seed, told=told), options=FIXED)
             assert found.status is Status.GOOD
             errors[told].append(np.linalg.norm(found.position[0] - CENTRE))
@@ -90,7 +96,7 @@ def test_what_no_covariance_tells_is_found_and_used():
         assert noise.across == pytest.approx(ACROSS, rel=0.2)
         assert found.noise.a_posteriori == pytest.approx(ACROSS * np.sqrt((2 + RATIO**2) / 3), rel=0.1)
         assert not found.noise.relative
-    assert np.sqrt(np.mean(np.square(errors[False]))) < 1.1 * np.sqrt(np.mean(np.square(errors[True])))
+    assert np.sqrt(np.mean(np.square(errors[None]))) < 1.1 * np.sqrt(np.mean(np.square(errors[RATIO])))
     assert np.mean(squares) < 3 + 5 * np.sqrt(6 / 25)
 
 
@@ -107,7 +113,7 @@ def test_the_ratio_is_that_at_the_mean_range_of_a_target_that_comes_near():
     assert found.of_rig
     assert found.ratio == pytest.approx(RATIO, rel=0.15)
     assert found.distance == pytest.approx(np.linalg.norm(tracks.position, axis=2).mean(), rel=0.01)
-    told = seen_by_a_rig(7, approach=0.6, told=True).covariance
+    told = seen_by_a_rig(7, approach=0.6, told=RATIO).covariance
     size = np.sqrt(np.mean(np.trace(told, axis1=2, axis2=3)) / 3)
     ratios = np.linalg.eigvalsh(found.covariance(tracks.position))[:, 0] * size**2 / np.linalg.eigvalsh(told)[:, 0]
     assert np.sqrt(np.median(ratios, axis=0)) == pytest.approx([1, 1, 1], rel=0.3)
@@ -164,6 +170,29 @@ def test_a_motion_between_frames_is_no_noise():
     tracks, _ = across_the_sight(0, 1.0)
     moved = 0.1 * np.sin(tracks.time)[:, None, None] * CENTRE / np.linalg.norm(CENTRE)
     assert depth_ratio(tracks.time, tracks.position + moved, tracks.seen) is None
+
+
+@pytest.mark.parametrize("seed", [3, 7, 10, 11])
+def test_a_ratio_that_is_told_wrongly_is_mended(seed):
+    """Depths twice as noisy as told: three were `good` and one `not observable` with squares of 40, 50, 84 and 69."""
+    tracks, path = across_the_sight(seed, RATIO, told=RATIO / 2)
+    found = estimate(tracks, options=PathOptions(trajectory="polynomial"))
+    (noise,) = [one for one in found.findings if isinstance(one, DepthNoise)]
+    assert noise.told == pytest.approx(RATIO / 2)
+    assert noise.along / noise.across == pytest.approx(RATIO, rel=0.45)  # as above
+    assert noise.across == pytest.approx(ACROSS, rel=0.2)
+    assert found.noise.a_posteriori == pytest.approx(1.0, rel=0.2)
+    error = found.position[100] - path[100]
+    assert error @ np.linalg.solve(found.covariance[100], error) < chi2.isf(1e-4, 3)
+
+
+@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("ratio", [1.0, 5.0])
+def test_a_ratio_that_is_told_rightly_is_left_as_it_is(seed, ratio):
+    tracks = seen_by_a_rig(seed, ratio, told=ratio)
+    assert depth_factor(tracks.time, tracks.position, tracks.seen, tracks.covariance) is None
+    tracks, _ = across_the_sight(seed, ratio, told=ratio)
+    assert depth_factor(tracks.time, tracks.position, tracks.seen, tracks.covariance) is None
 
 
 def test_too_few_frames_or_noise_tell_nothing():
