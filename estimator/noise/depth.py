@@ -12,8 +12,8 @@ Features that stay in a plane across the line of sight, as three of a target tha
 which depths are no part. Where distances do not tell, the features' own places do, if the frames follow one another so
 closely that a cubic polynomial is what moves in five of them: what is left, a fourth divided difference, is noise.
 
-Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else: ρ is then the factor on
-the deviations along the line of sight, and k that on all variances.
+Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
+is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
 """
 
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.registration.screening import distances_between
+from baryscope.estimator.tracks import FeatureTracks
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -73,21 +74,21 @@ class DepthRatio:
         return np.asarray(across * np.eye(3) + (along - across) * outer)
 
 
-def depth_ratio(time: FloatArray, position: FloatArray, seen: BoolArray) -> DepthRatio | None:
-    """How much noisier, or better, depths are, of positions (n, m, 3) in C, m, at time (n,), s; None if it is no
-    matter, or chance.
+def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
+    """How much noisier, or better, depths are, beside what covariances of the tracks tell; None if it is no matter, or
+    chance.
 
-    seen (n, m). The rig is at the origin of C.
+    right (n, m): the observations that count. The rig is at the origin of C.
     """
-    return _shown_ratio(time, position, seen, None)
-
-
-def depth_factor(time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray) -> float | None:
-    """By how much noisier, or better, depths are than their covariance (n, m, 3, 3) in C, m², tells; otherwise as
-    `depth_ratio`.
-    """
-    found = _shown_ratio(time, position, seen, covariance)
-    return None if found is None else found.ratio
+    rows = np.unique(np.linspace(0, len(right) - 1, min(len(right), SAMPLE)).astype(int))
+    lengths, blocks = _Lengths.of_pairs(tracks, right, rows), min(BLOCKS, len(rows) // 2)
+    if not lengths.off.size or blocks < LEAST_BLOCKS:
+        return None
+    found = _Ratio.of(lengths, blocks)
+    if found.tells or found.shown is not None:
+        return found.shown
+    differences = _Lengths.of_differences(tracks, right, lengths.distance)
+    return None if differences is None else _Ratio.of(differences, blocks).shown
 
 
 def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
@@ -118,21 +119,6 @@ def _variances(covariance: FloatArray, axis: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...i,...ij,...j->...", axis, covariance, axis))
 
 
-def _shown_ratio(
-    time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray | None
-) -> DepthRatio | None:
-    rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
-    own = None if covariance is None else covariance[rows]
-    lengths, blocks = _Lengths.of_pairs(position[rows], seen[rows], own), min(BLOCKS, len(rows) // 2)
-    if not lengths.off.size or blocks < LEAST_BLOCKS:
-        return None
-    found = _Ratio.of(lengths, blocks)
-    if found.tells or found.shown is not None:
-        return found.shown
-    differences = _Lengths.of_differences(time, position, seen, covariance, lengths.distance)
-    return None if differences is None else _Ratio.of(differences, blocks).shown
-
-
 @dataclass(frozen=True, eq=False)
 class _Lengths:
     """Lengths: by how much they are off the typical ones, (n, k), m, where they are seen, (n, k).
@@ -151,8 +137,9 @@ class _Lengths:
     alike: IntArray
 
     @classmethod
-    def of_pairs(cls, position: FloatArray, seen: BoolArray, covariance: FloatArray | None) -> "_Lengths":
-        """Distances in positions (n, m, 3) in C, m, that are noisy, but less than the body is large."""
+    def of_pairs(cls, tracks: FeatureTracks, right: BoolArray, rows: IntArray) -> "_Lengths":
+        """Distances in some rows of tracks that are noisy, but less than the body is large."""
+        position, seen = tracks.position[rows], right[rows]
         distances = distances_between(position, seen)
         few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
         off, typical = distances.off[:, few], distances.typical[few]
@@ -167,71 +154,74 @@ class _Lengths:
         mean = float(away[both].mean()) if both.any() else 1.0
         growth = np.where(both, away / mean, 1.0) ** 2
         along, whole = np.einsum("nki,nki->nk", apart, sight) ** 2, np.ones(off.shape)
-        if covariance is not None:
-            told = covariance[:, i] + covariance[:, j]
+        if tracks.covariance is not None:
+            told = tracks.covariance[rows[:, None], i] + tracks.covariance[rows[:, None], j]
             along, whole, growth = along * _variances(told, sight), _variances(told, apart), whole
         return cls(off, both, np.maximum(whole - along, 0.0), along, growth, mean, np.arange(off.shape[1]))
 
     @classmethod
-    def of_differences(
-        cls, time: FloatArray, position: FloatArray, seen: BoolArray, covariance: FloatArray | None, distance: float
-    ) -> "_Lengths | None":
-        """Fourth divided differences of positions (n, m, 3) in C, m, along the line of sight and two axes across it;
-        None if they are no noise.
+    def of_differences(cls, tracks: FeatureTracks, right: BoolArray, distance: float) -> "_Lengths | None":
+        """Fourth divided differences of positions, along the line of sight and two axes across it; None if they are no
+        noise.
 
         Those of white noise that follow one another have a correlation of −0.8, those of a motion nearly 1.
         """
-        few = np.unique(np.linspace(0, seen.shape[1] - 1, min(seen.shape[1], MOST_PAIRS)).astype(int))
-        begins, follows = _windows(time)
-        window = begins[:, None] + np.arange(DIFFERENCE)
-        apart = time[window][:, :, None] - time[window][:, None, :] + np.eye(DIFFERENCE)
-        factor = 1 / np.prod(apart / apart.max(axis=(1, 2))[:, None, None], axis=2)
-        factor /= np.linalg.norm(factor, axis=1)[:, None]
-        known = seen[:, few][window].all(axis=1)
-        few = few[known.any(axis=0)]
+        windows = _Windows.of(tracks.time)
+        rows, middle = windows.begins[:, None] + np.arange(DIFFERENCE), windows.begins + DIFFERENCE // 2
+        few = np.unique(np.linspace(0, right.shape[1] - 1, min(right.shape[1], MOST_PAIRS)).astype(int))
+        few = few[right[:, few][rows].all(axis=1).any(axis=0)]
         if not few.size:
             return None
-        known, place = seen[:, few][window].all(axis=1), position[:, few][begins + DIFFERENCE // 2]
+        known, place = right[:, few][rows].all(axis=1), tracks.position[middle[:, None], few]
         sight = np.where(known[..., None], place, place[known].mean(axis=0))
-        away = np.linalg.norm(sight, axis=2, keepdims=True)
-        axes = _axes(sight / away)
-        shown = np.where(known[:, None, :, None], position[:, few][window], 0.0)
-        off = np.einsum("nw,nwmi,nmai->nma", factor, shown, axes, optimize=True)
-        both = follows[:, None] & known[:-1] & known[1:]
+        away, axes = np.linalg.norm(sight, axis=2, keepdims=True), _axes(sight)
+        shown = np.where(known[:, None, :, None], tracks.position[:, few][rows], 0.0)
+        off = np.einsum("nw,nwmi,nmai->nma", windows.factor, shown, axes, optimize=True)
+        both = windows.follow[:, None] & known[:-1] & known[1:]
         products, squares = (np.sum(off[:-1][both] * one[both]) for one in (off[1:], off[:-1]))
         if not products < NOISE * squares:
             return None
-        told, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
-        if covariance is not None:
-            whole = np.einsum("nw,nwmij->nmij", factor**2, covariance[:, few][window])
-            told, growth = np.where(known[..., None], _variances(whole[:, :, None], axes), 1.0), told
-        across, along, growth, known = (
-            one.reshape(len(off), -1)
-            for one in (told * [0, 1, 1], told * [1, 0, 0], growth, np.repeat(known[..., None], 3, axis=2))
-        )
-        return cls(off.reshape(len(off), -1), known, across, along, growth, distance, np.repeat(np.arange(len(few)), 3))
+        whole, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
+        if tracks.covariance is not None:
+            told = np.einsum("nw,nwmij->nmij", windows.factor**2, tracks.covariance[:, few][rows])
+            whole, growth = np.where(known[..., None], _variances(told[:, :, None], axes), 1.0), whole
+        columns = (off, np.broadcast_to(known[..., None], off.shape), whole * [0, 1, 1], whole * [1, 0, 0], growth)
+        off, seen, across, along, growth = (one.reshape(len(off), -1) for one in columns)
+        return cls(off, seen, across, along, growth, distance, np.repeat(np.arange(len(few)), 3))
 
     def summed(self, values: FloatArray) -> FloatArray:
         """The sum of values (n, k) over frames and all columns that are alike, for each column (k,)."""
         return np.asarray(np.bincount(self.alike, values.sum(axis=0))[self.alike])
 
 
-def _windows(time: FloatArray) -> tuple[IntArray, BoolArray]:
-    """Where frames begin that are looked at together (w,), in blocks that are spread over the time (n,), s; and whether
-    the next ones begin a frame later (w − 1,). None are further apart than twice what most are.
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Successive frames that are looked at together: begins (w,), whether the next ones begin a frame later, follow
+    (w − 1,), and the factors (w, DIFFERENCE) of a divided difference, of square sum 1.
     """
-    count = len(time) - DIFFERENCE + 1
-    each = max(SAMPLE // BLOCKS, 1)
-    begins = np.arange(count)
-    if count > SAMPLE:
-        begins = (np.linspace(0, count - each, BLOCKS).astype(int)[:, None] + np.arange(each)).ravel()
-    length = time[begins + DIFFERENCE - 1] - time[begins]
-    begins = begins[length <= 2 * np.median(length)]
-    return begins, np.diff(begins) == 1
+
+    begins: IntArray
+    follow: BoolArray
+    factor: FloatArray
+
+    @classmethod
+    def of(cls, time: FloatArray) -> "_Windows":
+        """Windows in blocks that are spread over the time (n,), s; none is longer than twice what most are."""
+        count, each = len(time) - DIFFERENCE + 1, max(SAMPLE // BLOCKS, 1)
+        begins = np.arange(count)
+        if count > SAMPLE:
+            begins = (np.linspace(0, count - each, BLOCKS).astype(int)[:, None] + np.arange(each)).ravel()
+        length = time[begins + DIFFERENCE - 1] - time[begins]
+        begins = begins[length <= 2 * np.median(length)]
+        own = time[begins[:, None] + np.arange(DIFFERENCE)]
+        own = (own - own[:, :1]) / (own[:, -1:] - own[:, :1])
+        factor = 1 / np.prod(own[:, :, None] - own[:, None, :] + np.eye(DIFFERENCE), axis=2)
+        return cls(begins, np.diff(begins) == 1, factor / np.linalg.norm(factor, axis=1, keepdims=True))
 
 
 def _axes(sight: FloatArray) -> FloatArray:
-    """Axes (n, m, 3, 3) of which the first is a direction (n, m, 3), and the others change with it steadily."""
+    """Axes (n, m, 3, 3), the first of which is along a line of sight (n, m, 3); the others change steadily with it."""
+    sight = _directions(sight)
     other = np.eye(3)[np.argmin(np.abs(sight.mean(axis=(0, 1))))]
     across = np.cross(sight, other)
     across /= np.linalg.norm(across, axis=2, keepdims=True)

@@ -20,7 +20,7 @@ from baryscope.estimator.claims import widened
 from baryscope.estimator.findings import ChangingNoise, DepthNoise, Finding
 from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.noise.changes import Part, noise_parts
-from baryscope.estimator.noise.depth import DepthRatio, depth_factor, depth_ratio, deviations, with_noisier_depths
+from baryscope.estimator.noise.depth import DepthRatio, depth_ratio, deviations, with_noisier_depths
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Estimate
@@ -46,14 +46,12 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
         ComputationError: the tracks do not determine the unknowns.
     """
     plain = with_credible_sigma(lambda told: fit(tracks, told), options)
-    source = _sources(plain, tracks)
-    without_pose = tracks.seen[:, source] & ~np.any(plain.used, axis=1, keepdims=True)
-    right = (plain.used | without_pose) & ~plain.rejected
+    own = _in_columns_of(plain, tracks)
+    without_pose = own.seen & ~np.any(plain.used, axis=1, keepdims=True)
+    ratio = depth_ratio(own, (plain.used | without_pose) & ~plain.rejected)
     if tracks.covariance is not None:
-        factor = depth_factor(tracks.time, tracks.position[:, source], right, tracks.covariance[:, source])
-        return plain if factor is None else _with_depths_as_shown(fit, tracks, options, plain, factor)
+        return plain if ratio is None else _with_depths_as_shown(fit, tracks, options, plain, ratio.ratio)
     parts = _rejecting_parts(plain, tracks)
-    ratio = depth_ratio(tracks.time, tracks.position[:, source], right)
     if not parts and ratio is None:
         return plain
     deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
@@ -62,7 +60,7 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     covariance = np.broadcast_to(np.eye(3), (*tracks.position.shape, 3))
     if ratio is not None:
         place = tracks.position.copy()
-        for column, residual in zip(source, np.moveaxis(plain.residuals, 1, 0), strict=True):
+        for column, residual in zip(_sources(plain, tracks), np.moveaxis(plain.residuals, 1, 0), strict=True):
             place[:, column] -= np.nan_to_num(residual)
         covariance = ratio.covariance(place)
     weighed = replace(tracks, covariance=deviation[:, None, None, None] ** 2 * covariance)
@@ -95,6 +93,15 @@ def _sources(found: Estimate, tracks: FeatureTracks) -> list[int]:
     """The index among the tracks' labels of each of an estimate's, which may be `F3 (2)` for another point of F3."""
     own = (label if label in tracks.labels else label.rpartition(" ")[0] for label in found.labels)
     return [tracks.labels.index(label) for label in own]
+
+
+def _in_columns_of(found: Estimate, tracks: FeatureTracks) -> FeatureTracks:
+    """The tracks of an estimate's features."""
+    if found.labels == tracks.labels:
+        return tracks
+    source, covariance = _sources(found, tracks), tracks.covariance
+    own = None if covariance is None else covariance[:, source]
+    return replace(tracks, position=tracks.position[:, source], labels=found.labels, covariance=own)
 
 
 def _rejecting_parts(plain: Estimate, tracks: FeatureTracks) -> tuple[Part, ...]:

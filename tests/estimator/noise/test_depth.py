@@ -1,5 +1,7 @@
 """Noise that is another along the line of sight than across it, or than covariances tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -8,7 +10,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import DepthNoise
-from baryscope.estimator.noise.depth import DepthRatio, depth_factor, depth_ratio
+from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
 from baryscope.estimator.result import Status
 
 TIME = np.arange(300.0)
@@ -109,7 +111,7 @@ def test_all_methods_of_a_path_use_it(method):
 
 def test_the_ratio_is_that_at_the_mean_range_of_a_target_that_comes_near():
     tracks = seen_by_a_rig(7, approach=0.6)
-    found = depth_ratio(tracks.time, tracks.position, tracks.seen)
+    found = depth_ratio(tracks, tracks.seen)
     assert found.of_rig
     assert found.ratio == pytest.approx(RATIO, rel=0.15)
     assert found.distance == pytest.approx(np.linalg.norm(tracks.position, axis=2).mean(), rel=0.01)
@@ -121,7 +123,7 @@ def test_the_ratio_is_that_at_the_mean_range_of_a_target_that_comes_near():
 
 def test_a_lidar_knows_the_depth_better():
     tracks = seen_by_a_rig(1, ratio=0.2, across=0.02)
-    assert depth_ratio(tracks.time, tracks.position, tracks.seen).ratio == pytest.approx(0.2, rel=0.25)
+    assert depth_ratio(tracks, tracks.seen).ratio == pytest.approx(0.2, rel=0.25)
 
 
 def test_outliers_tell_nothing_of_depth():
@@ -138,14 +140,14 @@ def test_outliers_tell_nothing_of_depth():
 def test_noise_that_is_alike_in_all_axes_is_left_as_it_is(seed):
     """Beyond 3.5 standard deviations is 1 in 2000: of 40 tracks none, but for 1 in 50."""
     tracks = seen_by_a_rig(100 + seed, ratio=1.0)
-    assert depth_ratio(tracks.time, tracks.position, tracks.seen) is None
+    assert depth_ratio(tracks, tracks.seen) is None
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_features_across_the_line_of_sight_tell_it_by_their_own_places(seed):
     """3 features and 196 differences, of which about a third are independent: ln ρ to 9 %, five deviations."""
     tracks, _ = across_the_sight(seed, RATIO)
-    assert depth_ratio(tracks.time, tracks.position, tracks.seen).ratio == pytest.approx(RATIO, rel=0.45)
+    assert depth_ratio(tracks, tracks.seen).ratio == pytest.approx(RATIO, rel=0.45)
 
 
 @pytest.mark.parametrize("seed", [0, 5, 6])
@@ -162,14 +164,14 @@ def test_noisy_depths_that_distances_do_not_show_are_no_confident_answer(seed):
 @pytest.mark.parametrize(("lever", "shake", "memory"), [(0.3, 0, 0), (1.5, 0, 0), (0.9, 0.006, 0), (0.9, 0.006, 0.8)])
 def test_neither_a_lever_nor_a_camera_that_shakes_passes_for_noisy_depths(seed, lever, shake, memory):
     tracks, _ = across_the_sight(seed, 1.0, lever, shake, memory)
-    assert depth_ratio(tracks.time, tracks.position, tracks.seen) is None
+    assert depth_ratio(tracks, tracks.seen) is None
 
 
 def test_a_motion_between_frames_is_no_noise():
     """10 cm to and fro along the line of sight, a radian from frame to frame."""
     tracks, _ = across_the_sight(0, 1.0)
     moved = 0.1 * np.sin(tracks.time)[:, None, None] * CENTRE / np.linalg.norm(CENTRE)
-    assert depth_ratio(tracks.time, tracks.position + moved, tracks.seen) is None
+    assert depth_ratio(replace(tracks, position=tracks.position + moved), tracks.seen) is None
 
 
 @pytest.mark.parametrize("seed", [3, 7, 10, 11])
@@ -190,18 +192,20 @@ def test_a_ratio_that_is_told_wrongly_is_mended(seed):
 @pytest.mark.parametrize("ratio", [1.0, 5.0])
 def test_a_ratio_that_is_told_rightly_is_left_as_it_is(seed, ratio):
     tracks = seen_by_a_rig(seed, ratio, told=ratio)
-    assert depth_factor(tracks.time, tracks.position, tracks.seen, tracks.covariance) is None
+    assert depth_ratio(tracks, tracks.seen) is None
     tracks, _ = across_the_sight(seed, ratio, told=ratio)
-    assert depth_factor(tracks.time, tracks.position, tracks.seen, tracks.covariance) is None
+    assert depth_ratio(tracks, tracks.seen) is None
 
 
 def test_too_few_frames_or_noise_tell_nothing():
     tracks = seen_by_a_rig(2)
-    assert depth_ratio(tracks.time[::30], tracks.position[::30], tracks.seen[::30]) is None
-    assert depth_ratio(tracks.time, tracks.position[:, :1], tracks.seen[:, :1]) is None
+    few = FeatureTracks(tracks.time[::30], tracks.position[::30], tracks.labels)
+    assert depth_ratio(few, few.seen) is None
+    alone = FeatureTracks(tracks.time, tracks.position[:, :1], tracks.labels[:1])
+    assert depth_ratio(alone, alone.seen) is None
     exact = seen_by_a_rig(2, across=1e-13)
-    assert depth_ratio(exact.time, exact.position, exact.seen) is None
-    assert depth_ratio(TIME[:50], np.full((50, 4, 3), np.nan), np.zeros((50, 4), bool)) is None
+    assert depth_ratio(exact, exact.seen) is None
+    assert depth_ratio(tracks, np.zeros(tracks.seen.shape, bool)) is None
 
 
 def test_a_label_of_two_points_is_two():
