@@ -110,8 +110,8 @@ static void put_right(Online *filter, double factor) {
         ReferenceTumble *reference = &tumble->reference[c];
         scale_block(reference->N, 64, 1.0 / factor), scale_block(reference->rhs, 8, 1.0 / factor);
         for (int m = 0; m < TORQUES; m++) {
-            scale_block(reference->error[m].P[0], SPIN * SPIN, factor);
-            reference->error[m].weight /= factor;
+            for (int p = 0; p < SPIN_PAIRS; p++) reference->errors.P[p][m] *= factor;
+            reference->errors.weight[m] /= factor;
         }
     }
 }

@@ -62,6 +62,7 @@ enum {
     PAIRS = ERRORS * (ERRORS + 1) / 2,
     N_ELEMENTS = 7,
     SPIN = 11,     /* errors of a tumble: a rotation vector in C, rate in B, coefficients of the inertia */
+    SPIN_PAIRS = SPIN * (SPIN + 1) / 2,
     TORQUES = 10,  /* densities of white torque */
     REFERENCES = 2,   /* of the tumble: free, and under the gravity gradient */
     ATTITUDES = 32 /* that are kept until it is known */
@@ -186,18 +187,24 @@ typedef struct {
     double q[4], w[3], j[5], gradient;
 } Spin;
 
-/* What a spin is wrong by under white torque of one density. */
+/* What a spin is wrong by under white torque of one density: of the covariance the lower triangle, row by row. */
 typedef struct {
-    double x[SPIN], P[SPIN][SPIN];
+    double x[SPIN], P[SPIN_PAIRS];
     double weight; /* logarithm, that of the best is 0 */
 } SpinError;
+
+/* The same under that of every density, side by side, so that compilers take several at once. */
+typedef struct {
+    double x[SPIN][TORQUES], P[SPIN_PAIRS][TORQUES];
+    double weight[TORQUES];
+} SpinErrors;
 
 /* A tumble with or without the gravity gradient. */
 typedef struct {
     double N[64], rhs[8]; /* normal equations of the inertia and of the first angular momentum in C */
     double impulse[3][5]; /* what a torque of unit coefficients has added to that since, in C */
     Spin spin;
-    SpinError error[TORQUES];
+    SpinErrors errors;
 } ReferenceTumble;
 
 /* Of a node, R_C_B, and its covariance as a rotation vector in C. */

@@ -125,30 +125,103 @@ static void spread_on(double P[SPIN][SPIN], const double F[6][SPIN], const doubl
     }
 }
 
-static void error_on(SpinError *error, const double F[6][SPIN], const double Q[6][6], double density) {
-    double x[6] = {0};
-    for (int i = 0; i < 6; i++)
-        for (int k = 0; k < SPIN; k++) x[i] += F[i][k] * error->x[k];
-    for (int i = 0; i < 6; i++) error->x[i] = x[i];
-    spread_on(error->P, F, Q, density);
+static SpinError error_of(const SpinErrors *errors, int m) {
+    SpinError error = {.weight = errors->weight[m]};
+    for (int a = 0; a < SPIN; a++) error.x[a] = errors->x[a][m];
+    for (int p = 0; p < SPIN_PAIRS; p++) error.P[p] = errors->P[p][m];
+    return error;
 }
 
-/* The update with the turn in C from the spin's attitude to that of a node; returns the weighted square of the innovation. */
-static double update_error(SpinError *error, const double turn[3], const double noise[3][3]) {
-    double L[9], e[3], W[3][SPIN];
-    for (int k = 0; k < 3; k++) e[k] = turn[k] - error->x[k];
-    for (int k = 0; k < 9; k++) L[k] = error->P[k / 3][k % 3] + noise[k / 3][k % 3];
-    if (!factored(3, L)) return INFINITY;
-    whitened(L, e);
-    for (int a = 0; a < SPIN; a++)
-        for (int k = 0; k < 3; k++) W[k][a] = error->P[a][k];
-    whiten_rows(L, SPIN, SPIN, W[0]);
-    for (int a = 0; a < SPIN; a++) {
-        error->x[a] += W[0][a] * e[0] + W[1][a] * e[1] + W[2][a] * e[2];
-        for (int b = 0; b < SPIN; b++) error->P[a][b] -= W[0][a] * W[0][b] + W[1][a] * W[1][b] + W[2][a] * W[2][b];
+static void put_error(const SpinError *error, int m, SpinErrors *errors) {
+    errors->weight[m] = error->weight;
+    for (int a = 0; a < SPIN; a++) errors->x[a][m] = error->x[a];
+    for (int p = 0; p < SPIN_PAIRS; p++) errors->P[p][m] = error->P[p];
+}
+
+/* Of all densities: row[m] is added up of factors times what stands `stride` apart. */
+static ALWAYS_INLINE void by_columns(int first, const double factors[SPIN], const double *columns, int stride, double row[TORQUES]) {
+    for (int m = 0; m < TORQUES; m++) {
+        double sum = row[m];
+        for (int k = first; k < SPIN; k++) sum += factors[k] * columns[k * stride + m];
+        row[m] = sum;
     }
-    error->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    return dot(e, e);
+}
+
+/* Errors of rate and inertia, from `first` 3 on, or all, go on by F. A free tumble is turned as a whole: so F leaves errors of its attitude as
+   they are. */
+static ALWAYS_INLINE void spread_errors(int first, const double F[6][SPIN], const double Q[6][6], SpinErrors *errors) {
+    double P[SPIN][SPIN][TORQUES], A[6][SPIN][TORQUES];
+    for (int a = 0, p = 0; a < SPIN; a++)
+        for (int b = 0; b <= a; b++, p++)
+            for (int m = 0; m < TORQUES; m++) P[a][b][m] = P[b][a][m] = errors->P[p][m];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < SPIN; j++) {
+            for (int m = 0; m < TORQUES; m++) A[i][j][m] = i < first ? P[i][j][m] : 0.0;
+            by_columns(first, F[i], P[0][j], SPIN * TORQUES, A[i][j]);
+        }
+    for (int i = 0, p = 0; i < 6; i++)
+        for (int j = 0; j <= i; j++, p++) {
+            for (int m = 0; m < TORQUES; m++) errors->P[p][m] = TORQUE[m] * Q[i][j] + (j < first ? A[i][j][m] : 0.0);
+            by_columns(first, F[j], A[i][0], TORQUES, errors->P[p]);
+        }
+    for (int i = 6, p = 6 * 7 / 2; i < SPIN; p += ++i)
+        for (int j = 0; j < 6; j++)
+            for (int m = 0; m < TORQUES; m++) errors->P[p + j][m] = A[j][i][m];
+}
+
+/* The errors of a spin go on: F and Q are those of `spin_on`. */
+static void errors_on(SpinErrors *errors, int pulled, const double F[6][SPIN], const double Q[6][6]) {
+    double x[6][TORQUES] = {{0}};
+    for (int i = 0; i < 6; i++) by_columns(0, F[i], errors->x[0], TORQUES, x[i]);
+    for (int i = 0; i < 6; i++)
+        for (int m = 0; m < TORQUES; m++) errors->x[i][m] = x[i][m];
+    if (pulled) spread_errors(0, F, Q, errors);
+    else spread_errors(3, F, Q, errors);
+}
+
+#define SINGULAR 1e-13 /* what is left of a variance where others are known: less is rounding */
+
+/* The update with the turn in C from the spin's attitude to that of a node, by L D L' of the innovations' covariance; squares: weighted, of
+   these. Where rounding has left that indefinite the square is INFINITY and the weight none. */
+static void update_errors(SpinErrors *errors, const double turn[3], const double noise[3][3], double squares[TORQUES]) {
+    double W[3][SPIN][TORQUES], V[3][SPIN][TORQUES], e[3][TORQUES], L[3][TORQUES], D[3][TORQUES], back[3][TORQUES];
+    for (int k = 0; k < 3; k++)
+        for (int a = 0; a < SPIN; a++)
+            for (int m = 0; m < TORQUES; m++) W[k][a][m] = errors->P[packed_index(a, k)][m];
+    for (int m = 0; m < TORQUES; m++) {
+        const double s00 = W[0][0][m] + noise[0][0], s10 = W[0][1][m] + noise[1][0], s20 = W[0][2][m] + noise[2][0];
+        const double s11 = W[1][1][m] + noise[1][1], s21 = W[1][2][m] + noise[2][1], s22 = W[2][2][m] + noise[2][2];
+        const double by0 = 1.0 / s00, l10 = s10 * by0, l20 = s20 * by0, d1 = s11 - l10 * s10, by1 = 1.0 / d1;
+        const double left = s21 - l20 * s10, l21 = left * by1, d2 = s22 - l20 * s20 - l21 * left, by2 = 1.0 / d2;
+        L[0][m] = l10, L[1][m] = l20, L[2][m] = l21;
+        D[0][m] = s00, D[1][m] = d1 - SINGULAR * s11, D[2][m] = d2 - SINGULAR * s22;
+        squares[m] = s00 * d1 * d2;
+        back[0][m] = by0, back[1][m] = by1, back[2][m] = by2;
+        e[0][m] = turn[0] - errors->x[0][m];
+        e[1][m] = turn[1] - errors->x[1][m] - l10 * e[0][m];
+        e[2][m] = turn[2] - errors->x[2][m] - l20 * e[0][m] - l21 * e[1][m];
+    }
+    for (int m = 0; m < TORQUES; m++) {
+        if (D[0][m] > 0.0 && D[1][m] > 0.0 && D[2][m] > 0.0) {
+            const double determinant = squares[m];
+            squares[m] = e[0][m] * e[0][m] * back[0][m] + e[1][m] * e[1][m] * back[1][m] + e[2][m] * e[2][m] * back[2][m];
+            errors->weight[m] -= 0.5 * (squares[m] + log(determinant));
+        } else {
+            squares[m] = INFINITY, errors->weight[m] = -INFINITY;
+            for (int k = 0; k < 3; k++) L[k][m] = back[k][m] = 0.0;
+        }
+    }
+    for (int a = 0; a < SPIN; a++)
+        for (int m = 0; m < TORQUES; m++) {
+            W[1][a][m] -= L[0][m] * W[0][a][m];
+            W[2][a][m] -= L[1][m] * W[0][a][m] + L[2][m] * W[1][a][m];
+            for (int k = 0; k < 3; k++) V[k][a][m] = W[k][a][m] * back[k][m];
+            errors->x[a][m] += V[0][a][m] * e[0][m] + V[1][a][m] * e[1][m] + V[2][a][m] * e[2][m];
+        }
+    for (int a = 0, p = 0; a < SPIN; a++)
+        for (int b = 0; b <= a; b++, p++)
+            for (int m = 0; m < TORQUES; m++)
+                errors->P[p][m] -= V[0][a][m] * W[0][b][m] + V[1][a][m] * W[1][b][m] + V[2][a][m] * W[2][b][m];
 }
 
 /* The angular acceleration in the axes of R of a free tumble `back` s ago; zero if none is known. */

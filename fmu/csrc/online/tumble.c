@@ -120,16 +120,16 @@ static int first_spin(ReferenceTumble *reference, const double R[3][3]) {
 static int best_error(const ReferenceTumble *reference) {
     int best = 0;
     for (int m = 1; m < TORQUES; m++)
-        if (reference->error[m].weight > reference->error[best].weight) best = m;
+        if (reference->errors.weight[m] > reference->errors.weight[best]) best = m;
     return best;
 }
+
+static double best_weight(const ReferenceTumble *reference) { return reference->errors.weight[best_error(reference)]; }
 
 static int best_reference(const Tumble *tumble, int count) {
     int best = 0;
     for (int c = 1; c < count; c++)
-        if (tumble->reference[c].error[best_error(&tumble->reference[c])].weight >
-            tumble->reference[best].error[best_error(&tumble->reference[best])].weight)
-            best = c;
+        if (best_weight(&tumble->reference[c]) > best_weight(&tumble->reference[best])) best = c;
     return best;
 }
 
@@ -141,82 +141,84 @@ static double follow_reference(ReferenceTumble *reference, const OnlineOptions *
     matrix_of(reference->spin.q, predicted);
     angle_between(R, predicted, turn);
     int best = best_error(reference);
-    for (int m = 0; m < TORQUES; m++) {
-        error_on(&reference->error[m], F, Q, TORQUE[m]);
-        squares[m] = update_error(&reference->error[m], turn, noise);
-    }
+    errors_on(&reference->errors, reference->spin.gradient != 0.0, F, Q);
+    update_errors(&reference->errors, turn, noise, squares);
     return squares[best];
 }
 
 static void refuse_impossible(ReferenceTumble *reference) {
     for (int m = 0; m < TORQUES; m++) {
         double j[5], J[3][3];
-        for (int k = 0; k < 5; k++) j[k] = reference->spin.j[k] + reference->error[m].x[6 + k];
+        for (int k = 0; k < 5; k++) j[k] = reference->spin.j[k] + reference->errors.x[6 + k][m];
         inertia_of(j, J);
-        if (!possible(J)) reference->error[m].weight += IMPOSSIBLE;
+        if (!possible(J)) reference->errors.weight[m] += IMPOSSIBLE;
     }
 }
 
 /* Weights against the best; what is unlikely goes on from the best of its reference, or from the best reference. */
 static void weigh_errors(Tumble *tumble, int count) {
     int first = best_reference(tumble, count), most = best_error(&tumble->reference[first]);
-    const SpinError best = tumble->reference[first].error[most];
+    const SpinError best = error_of(&tumble->reference[first].errors, most);
     for (int c = 0; c < count; c++) {
         ReferenceTumble *reference = &tumble->reference[c];
-        SpinError own = reference->error[best_error(reference)];
+        SpinError own = error_of(&reference->errors, best_error(reference));
         if (!(own.weight - best.weight > UNLIKELY)) {
             own = best;
             reference->spin = tumble->reference[first].spin;
             reference->spin.gradient = c;
-            for (int m = 0; m < TORQUES; m++) reference->error[m].weight = -INFINITY;
+            for (int m = 0; m < TORQUES; m++) reference->errors.weight[m] = -INFINITY;
         }
         for (int m = 0; m < TORQUES; m++) {
-            double weight = reference->error[m].weight - best.weight;
-            if (!(weight > UNLIKELY)) reference->error[m] = own, weight = UNLIKELY;
-            reference->error[m].weight = weight;
+            double weight = reference->errors.weight[m] - best.weight;
+            if (!(weight > UNLIKELY)) put_error(&own, m, &reference->errors), weight = UNLIKELY;
+            reference->errors.weight[m] = weight;
         }
     }
 }
 
 /* Every reference goes to the mean of its filters. */
 static void centre_reference(ReferenceTumble *reference) {
-    double mean[SPIN] = {0}, sum = 0.0, highest = reference->error[best_error(reference)].weight;
+    double mean[SPIN] = {0}, sum = 0.0, highest = best_weight(reference);
     for (int m = 0; m < TORQUES; m++) {
-        double share = exp(reference->error[m].weight - highest);
+        double share = exp(reference->errors.weight[m] - highest);
         sum += share;
-        for (int a = 0; a < SPIN; a++) mean[a] += share * reference->error[m].x[a];
+        for (int a = 0; a < SPIN; a++) mean[a] += share * reference->errors.x[a][m];
     }
     for (int a = 0; a < SPIN; a++) mean[a] /= sum;
-    for (int m = 0; m < TORQUES; m++)
-        for (int a = 0; a < SPIN; a++) reference->error[m].x[a] -= mean[a];
+    for (int a = 0; a < SPIN; a++)
+        for (int m = 0; m < TORQUES; m++) reference->errors.x[a][m] -= mean[a];
     correct_spin(&reference->spin, mean);
 }
 
 /* The mean of all filters, their covariance, and the mean density of torque but of those that are as good as refuted. */
 static void sum_up(Tumble *tumble, int count) {
     int first = best_reference(tumble, count);
-    double apart[REFERENCES][SPIN], mean[SPIN] = {0}, sum = 0.0, torque = 0.0;
+    double apart[REFERENCES][SPIN], share[REFERENCES][TORQUES], mean[SPIN] = {0}, sum = 0.0, torque = 0.0, each[SPIN_PAIRS][TORQUES] = {{0}};
     tumble->spin = tumble->reference[first].spin;
     for (int c = 0; c < count; c++) {
+        const SpinErrors *errors = &tumble->reference[c].errors;
         spin_between(&tumble->reference[c].spin, &tumble->spin, apart[c]);
         for (int m = 0; m < TORQUES; m++) {
-            double share = exp(tumble->reference[c].error[m].weight);
-            sum += share;
-            if (tumble->reference[c].error[m].weight > UNLIKELY) torque += share * TORQUE[m];
-            for (int a = 0; a < SPIN; a++) mean[a] += share * (apart[c][a] + tumble->reference[c].error[m].x[a]);
+            sum += share[c][m] = exp(errors->weight[m]);
+            if (errors->weight[m] > UNLIKELY) torque += share[c][m] * TORQUE[m];
+            for (int a = 0; a < SPIN; a++) mean[a] += share[c][m] * (apart[c][a] + errors->x[a][m]);
         }
     }
-    for (int a = 0; a < SPIN; a++) {
-        mean[a] /= sum;
-        for (int b = 0; b < SPIN; b++) tumble->P[a][b] = 0.0;
+    for (int a = 0; a < SPIN; a++) mean[a] /= sum;
+    for (int c = 0; c < count; c++) {
+        const SpinErrors *errors = &tumble->reference[c].errors;
+        double off[SPIN][TORQUES];
+        for (int a = 0; a < SPIN; a++)
+            for (int m = 0; m < TORQUES; m++) off[a][m] = apart[c][a] + errors->x[a][m] - mean[a];
+        for (int a = 0, p = 0; a < SPIN; a++)
+            for (int b = 0; b <= a; b++, p++)
+                for (int m = 0; m < TORQUES; m++) each[p][m] += share[c][m] * (errors->P[p][m] + off[a][m] * off[b][m]);
     }
-    for (int c = 0; c < count; c++)
-        for (int m = 0; m < TORQUES; m++) {
-            const SpinError *error = &tumble->reference[c].error[m];
-            double share = exp(error->weight) / sum, off[SPIN];
-            for (int a = 0; a < SPIN; a++) off[a] = apart[c][a] + error->x[a] - mean[a];
-            for (int a = 0; a < SPIN; a++)
-                for (int b = 0; b < SPIN; b++) tumble->P[a][b] += share * (error->P[a][b] + off[a] * off[b]);
+    for (int a = 0, p = 0; a < SPIN; a++)
+        for (int b = 0; b <= a; b++, p++) {
+            double all = 0.0;
+            for (int m = 0; m < TORQUES; m++) all += each[p][m];
+            tumble->P[a][b] = tumble->P[b][a] = all / sum;
         }
     correct_spin(&tumble->spin, mean);
     tumble->torque = torque / sum;
@@ -230,15 +232,16 @@ static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const 
     double square = dot(reference->spin.w, reference->spin.w), off[3], predicted[3][3];
     matrix_of(reference->spin.q, predicted);
     angle_between(first->R, predicted, off);
+    SpinError error = {.weight = 0.0};
+    for (int a = 0; a < 3; a++) {
+        for (int b = 0; b <= a; b++) error.P[packed_index(a, b)] = first->noise[a][b];
+        error.x[a] = off[a];
+        error.P[packed_index(3 + a, 3 + a)] = square;
+    }
+    for (int k = 0; k < 5; k++) error.P[packed_index(6 + k, 6 + k)] = SPHERE * SPHERE, error.x[6 + k] = -reference->spin.j[k];
     for (int m = 0; m < TORQUES; m++) {
-        SpinError *error = &reference->error[m];
-        *error = (SpinError){.weight = 0.5 * log(TORQUE[m])};
-        for (int a = 0; a < 3; a++) {
-            for (int b = 0; b < 3; b++) error->P[a][b] = first->noise[a][b];
-            error->x[a] = off[a];
-            error->P[3 + a][3 + a] = square;
-        }
-        for (int k = 0; k < 5; k++) error->P[6 + k][6 + k] = SPHERE * SPHERE, error->x[6 + k] = -reference->spin.j[k];
+        error.weight = 0.5 * log(TORQUE[m]);
+        put_error(&error, m, &reference->errors);
     }
     double begin = first->time;
     for (int k = 1; begin < last->time; k++) {
@@ -279,7 +282,7 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
     if (begun == 0) return;
     for (int c = 0; c < count; c++)
         for (int m = 0; m < TORQUES; m++)
-            if (fails[c]) tumble->reference[c].error[m].weight = -INFINITY;
+            if (fails[c]) tumble->reference[c].errors.weight[m] = -INFINITY;
     weigh_errors(tumble, count);
     for (int c = 0; c < count; c++) centre_reference(&tumble->reference[c]);
     sum_up(tumble, count);
