@@ -140,15 +140,15 @@ static void centroid_of_map(const Online *filter, double mean[3]) {
     }
 }
 
-/* What the error of the map's centroid is with all errors. */
-static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
+/* What the error of the map's centroid is with all errors from `first` on. */
+static void with_centroid(const Online *filter, int first, double G[3][MOST_ERRORS]) {
     int used = (int)filter->used, n = FEATURES + 3 * used;
     for (int a = 0; a < 3; a++)
-        for (int j = 0; j < n; j++) G[a][j] = 0.0;
+        for (int j = first; j < n; j++) G[a][j] = 0.0;
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int j = 0; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j];
-    for (int a = 0; a < 3; a++) scale_block(G[a], n, 1.0 / used);
+            for (int j = first; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j];
+    for (int a = 0; a < 3; a++) scale_block(&G[a][first], n - first, 1.0 / used);
 }
 
 static int is_alive(const PackedMember *member) { return member->weight > -INFINITY; }

@@ -18,6 +18,7 @@ typedef struct {
     double more[MOST_FEATURES][3][3]; /* covariance that a residual has besides noise and map */
     double spread[MOST_FEATURES][3][3]; /* covariance of the place in the map, in B, as if its sightings were independent */
     double W[MOST_FEATURES][3][3]; /* of a residual: noise, map and `more` */
+    double square[MOST_FEATURES]; /* of the weighted residual from the last pose that was adjusted to the frame */
     double bent[MOST_FEATURES][3]; /* where the point shows its feature to be, from where the map has it, in C */
     long long name[MOST_FEATURES];
     int slot[MOST_FEATURES]; /* of the map, -1: not in it */

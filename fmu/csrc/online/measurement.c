@@ -294,7 +294,7 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
 static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose, const Measurement *measurement) {
     int used = (int)filter->used;
     double G[3][MOST_ERRORS], mean[3][3] = {{0}}, place[3][3];
-    with_centroid(filter, G);
+    with_centroid(filter, FEATURES, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) mean[a][b] += G[a][FEATURES + 3 * f + b] / used;

@@ -30,6 +30,14 @@ static double residual(const Online *filter, const Frame *frame, const Pose *pos
     return dot(e, We);
 }
 
+/* The squares of the residuals of all points that are in the map. */
+static void find_squares(const Online *filter, Frame *frame, const Pose *pose) {
+    for (int i = 0; i < frame->count; i++) {
+        double arm[3], e[3], We[3];
+        if (frame->slot[i] >= 0) frame->square[i] = residual(filter, frame, pose, i, arm, e, We);
+    }
+}
+
 /* Where a point with a residual e, weighted We, shows its feature to be, from where the map has it: there it turns. */
 static void bend(Frame *frame, int i, const double e[3], const double We[3]) {
     for (int k = 0; k < 3; k++) frame->bent[i][k] = e[k] - dot(frame->noise[i][k], We) - dot(frame->more[i][k], We);
@@ -91,20 +99,18 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
         before = width;
     }
     invert_normal_equations(N, pose->covariance);
+    find_squares(filter, frame, pose);
     pose->squares = 0.0;
-    for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3], We[3];
-        if (frame->fits[i]) pose->squares += residual(filter, frame, pose, i, arm, e, We);
-    }
+    for (int i = 0; i < frame->count; i++)
+        if (frame->fits[i]) pose->squares += frame->square[i];
     return 1;
 }
 
-/* Marks the points that fit the pose; returns how many marks changed. */
-static int sorted_out(const Online *filter, Frame *frame, const Pose *pose, double gate) {
+/* Marks the points whose residuals' squares are within a gate; returns how many marks changed. */
+static int sorted_out(Frame *frame, double gate) {
     int changed = 0;
     for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3], We[3];
-        int fits = frame->slot[i] >= 0 && residual(filter, frame, pose, i, arm, e, We) < gate;
+        int fits = frame->slot[i] >= 0 && frame->square[i] < gate;
         changed += fits != frame->fits[i];
         frame->fits[i] = fits;
     }
@@ -117,7 +123,7 @@ static int settled(const Online *filter, Frame *frame, Pose *pose) {
         copy(pose->R, before);
         weigh_all(frame, before);
         if (!adjusted(filter, frame, pose)) return 0;
-        if (!sorted_out(filter, frame, pose, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
+        if (!sorted_out(frame, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
     }
     weigh_all(frame, pose->R);
     return adjusted(filter, frame, pose);
@@ -177,7 +183,8 @@ static int agreed(const Online *filter, Frame *frame, const PredictedAttitude *p
                 if (!found || cost < least) *best = pose, least = cost, found = 1;
             }
     if (!found) return 0;
-    sorted_out(filter, frame, best, ROUGHLY * GATE);
+    find_squares(filter, frame, best);
+    sorted_out(frame, ROUGHLY * GATE);
     return settled(filter, frame, best);
 }
 
@@ -193,7 +200,7 @@ static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAt
         count += 1.0;
         for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[i][k] - arm[k] - pose->c[k]) / count;
     }
-    return adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE);
+    return adjusted(filter, frame, pose) && !sorted_out(frame, GATE);
 }
 
 /* The pose of a frame near a predicted attitude, at which its points are weighed, or by agreement; 0 if fewer than three, or half of them, fit. */

@@ -27,7 +27,7 @@ static void damped(double P[3][3], const double M[3][3], double widest, double f
 static void take_back(Online *filter, const double M[3][3]) {
     int n = size_of(filter), used = (int)filter->used;
     double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
-    with_centroid(filter, G);
+    with_centroid(filter, 0, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;

@@ -139,11 +139,20 @@ static double mean_square(const double (*points)[3], int count) {
     return sum;
 }
 
+#define SMALL 1e-3 /* square of an angle, rad2, or of a sine, below which five terms of a series are exact to rounding */
+
+/* sin x / x by the square of a small x. */
+static double sine_over(double square) { return 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))); }
+
 /* The rotation by a rotation vector (Rodrigues). */
 static void rotation(const double turn[3], double C[3][3]) {
-    double square = dot(turn, turn), angle = sqrt(square);
-    double s = angle < 1e-4 ? 1.0 - square / 6.0 : sin(angle) / angle;
-    double half = angle < 1e-4 ? 1.0 - square / 24.0 : sin(angle / 2.0) / (angle / 2.0);
+    double square = dot(turn, turn), s, half;
+    if (square < SMALL) {
+        s = sine_over(square), half = sine_over(0.25 * square);
+    } else {
+        const double angle = sqrt(square);
+        s = sin(angle) / angle, half = sin(angle / 2.0) / (angle / 2.0);
+    }
     double c = 0.5 * half * half;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) C[i][j] = c * turn[i] * turn[j] + (i == j ? 1.0 - c * square : 0.0);
@@ -186,7 +195,13 @@ static void matrix_of(const double q[4], double R[3][3]) {
 static void rotation_vector(const double R[3][3], double turn[3]) {
     double q[4];
     quaternion_of(R, q);
-    double sine = sqrt(dot(q + 1, q + 1)), factor = sine > 0.0 ? 2.0 * atan2(sine, q[0]) / sine : 0.0;
+    double square = dot(q + 1, q + 1), factor;
+    if (square < SMALL) { /* asin x / x */
+        factor = 2.0 + square * (1.0 / 3.0 + square * (3.0 / 20.0 + square * (5.0 / 56.0 + square * (35.0 / 576.0 + square * (63.0 / 1408.0)))));
+    } else {
+        const double sine = sqrt(square);
+        factor = 2.0 * atan2(sine, q[0]) / sine;
+    }
     for (int i = 0; i < 3; i++) turn[i] = factor * q[1 + i];
 }
 
