@@ -21,34 +21,35 @@ static void exchange(Frame *frame, int i, int j) {
 
 /* Whether the attitude of a pose is far from the predicted one. */
 static int is_far(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
-    double turn[3], angle = angle_between(pose->R, predicted->R, turn);
-    return angle * angle > GATE * (attitude_variance(filter, pose) + predicted->variance);
+    return pose->apart * pose->apart > GATE * (attitude_variance(filter, pose) + predicted->variance);
 }
 
 /* The pose of a frame of which all points fit if two have exchanged their names, nearest to the predicted attitude; 0 if there
    is none that is not far from it. */
 static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int found = 0, first = 0, second = 0;
-    double turn[3], angle, least = INFINITY;
+    double least = INFINITY;
     if (known_in(frame) == 3 && !(GATE * predicted->variance < LARGE * LARGE)) return 0; /* most triangles fit some such attitude */
     for (int i = 0; i < frame->count; i++)
         for (int j = i + 1; j < frame->count; j++) {
             if (frame->slot[i] < 0 || frame->slot[j] < 0) continue;
             exchange(frame, i, j);
             weigh_all(frame, predicted->R);
-            if (fits_as_a_whole(filter, frame, predicted, pose) && !is_far(filter, predicted, pose) &&
-                (angle = angle_between(pose->R, predicted->R, turn)) < least)
-                found = 1, least = angle, first = i, second = j;
+            int fits = fits_as_a_whole(filter, frame, predicted, pose);
+            set_apart(predicted, pose);
+            if (fits && pose->apart < least && !is_far(filter, predicted, pose)) found = 1, least = pose->apart, first = i, second = j;
             exchange(frame, i, j);
         }
     if (!found) return 0;
     exchange(frame, first, second);
     weigh_all(frame, predicted->R);
-    return fits_as_a_whole(filter, frame, predicted, pose);
+    const int fits = fits_as_a_whole(filter, frame, predicted, pose);
+    set_apart(predicted, pose);
+    return fits;
 }
 
 /* Points that do not fit the pose, but each other's places, have exchanged their names. */
-static void exchange_misfits(const Online *filter, Frame *frame, Pose *pose) {
+static void exchange_misfits(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int any = 0;
     for (int i = 0; i < frame->count; i++)
         for (int j = i + 1; j < frame->count; j++) {
@@ -60,7 +61,7 @@ static void exchange_misfits(const Online *filter, Frame *frame, Pose *pose) {
                 frame->fits[i] = frame->fits[j] = any = 1;
             else exchange(frame, i, j), weighed(frame, i, pose->R), weighed(frame, j, pose->R);
         }
-    if (any) adjusted(filter, frame, pose);
+    if (any) adjusted(filter, frame, pose), set_apart(predicted, pose);
 }
 
 /* Give two features each other's names. */

@@ -15,7 +15,8 @@ static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3
     frame->sightings[i] = count;
     copy(more, frame->more[i]);
     if (frame->slot[i] < 0) return;
-    if (!inverted(filter->feature[frame->slot[i]].information, frame->spread[i]) || !weighed(frame, i, R)) frame->slot[i] = -1;
+    copy(filter->feature[frame->slot[i]].spread, frame->spread[i]);
+    if (!(frame->spread[i][0][0] > 0.0) || !weighed(frame, i, R)) frame->slot[i] = -1;
 }
 
 /* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */
@@ -39,6 +40,7 @@ static void inform(Feature *feature, const Frame *frame, int i, const double arm
             feature->information[a][b] += R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
             feature->information[b][a] = feature->information[a][b];
         }
+    if (!inverted(feature->information, feature->spread)) copy(NOTHING, feature->spread);
     feature->sightings += frame->sightings[i];
 }
 

@@ -95,7 +95,7 @@ static void weigh_members(Online *filter) {
    covariance indefinite. */
 static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest) {
     const int sound = update_on_curve(member, measurement, curve);
-    take_back_of_member(member, measurement->seems, widest);
+    take_back_of_member(member, measurement->seems_spread, widest);
     return sound;
 }
 

@@ -102,7 +102,8 @@ static void put_right(Online *filter, double factor) {
         scale_block(stored->turn[0], 9, factor);
         scale_block(stored->both[0], 9, factor);
     }
-    for (int f = 0; f < (int)filter->used; f++) scale_block(filter->feature[f].information[0], 9, 1.0 / factor);
+    for (int f = 0; f < (int)filter->used; f++)
+        scale_block(filter->feature[f].information[0], 9, 1.0 / factor), scale_block(filter->feature[f].spread[0], 9, factor);
     Tumble *tumble = &filter->tumble;
     for (int k = 0; k < (int)tumble->kept; k++) scale_block(tumble->attitude[k].noise[0], 9, factor);
     scale_block(tumble->P[0], SPIN * SPIN, factor);

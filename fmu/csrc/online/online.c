@@ -98,14 +98,14 @@ static int is_surprising(Online *filter, const PredictedAttitude *predicted, con
 
 /* Whether a frame has a pose that is not surprising, if need be with the names of two points exchanged. */
 static int is_expected(Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
-    double turn[3], rate[3], of_rate, turned;
+    double rate[3], of_rate, turned;
     Pose other = {.count = 0};
     int fits = registered(filter, frame, predicted, pose), far = fits && is_far(filter, predicted, pose);
-    double angle = fits ? angle_between(pose->R, predicted->R, turn) : INFINITY;
+    double angle = fits ? pose->apart : INFINITY;
     last_rate(filter, rate, &of_rate, &turned); /* if one is known, any attitude may come where none is predicted */
-    if (fits && !far && (isfinite(predicted->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, pose);
+    if (fits && !far && (isfinite(predicted->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, predicted, pose);
     else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, predicted, &other) &&
-             (far || angle_between(other.R, predicted->R, turn) < 0.5 * angle))
+             (far || other.apart < 0.5 * angle))
         *pose = other, fits = 1;
     else if (fits) {
         weigh_all(frame, predicted->R);

@@ -92,6 +92,7 @@ typedef struct {
     double refused; /* sightings in a row that did not fit */
     double exchanged; /* sightings in a row under the name of another feature, which was seen under its own */
     double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
+    double spread[3][3];      /* its inverse, m2; 0 where it has none */
     double stereo_sightings; /* those with a covariance */
     double last_stereo[3];   /* of the last one: ln of its range over the map's, of this, of its variance */
 } Feature;

@@ -203,15 +203,23 @@ static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAt
     return adjusted(filter, frame, pose) && !sorted_out(frame, GATE);
 }
 
+static void set_apart(const PredictedAttitude *predicted, Pose *pose) {
+    double turn[3];
+    pose->apart = angle_between(pose->R, predicted->R, turn);
+}
+
 /* The pose of a frame near a predicted attitude, at which its points are weighed, or by agreement; 0 if fewer than three, or half of them, fit. */
 static int registered(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int known = 0;
     for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
     if (known < 3) return 0;
-    if (fits_as_a_whole(filter, frame, predicted, pose)) {
-        double turn[3];
-        if (angle_between(pose->R, predicted->R, turn) < ALIKE) return 1;
-        if (settled(filter, frame, pose) && pose->count == known) return 1;
+    int fits = fits_as_a_whole(filter, frame, predicted, pose);
+    if (fits) {
+        set_apart(predicted, pose);
+        if (pose->apart < ALIKE) return 1;
+        fits = settled(filter, frame, pose) && pose->count == known;
     }
-    return agreed(filter, frame, predicted, pose) && 2 * pose->count > known;
+    if (!fits && !(agreed(filter, frame, predicted, pose) && 2 * pose->count > known)) return 0;
+    set_apart(predicted, pose);
+    return 1;
 }

@@ -2,49 +2,50 @@
 
 /* The information on the offset that is not there: the noise of an attitude turns the offset, too, and seems to show it, by
    E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. Of a
-   measurement at the attitude R. */
+   measurement at the attitude R; with its inverse. */
 static void find_seeming(const double R[3][3], Measurement *measurement) {
     double weight[3][3], found[3][3];
     if (!inverted(measurement->noise, weight)) copy(NOTHING, weight); /* rounding has left it indefinite */
     of_cross(measurement->turn, weight, found);
     in_body(R, found, measurement->seems);
     scale_block(measurement->seems[0], 9, 2.0);
+    if (!inverted(measurement->seems, measurement->seems_spread)) copy(NOTHING, measurement->seems_spread);
 }
 
-/* M (1 + P M)^-1: information M is taken from a covariance P, to first order, but never more than half of it, nor what was
+/* M (1 + P M)^-1: information M, of the inverse `spread`, is taken from a covariance P, to first order, but never more than half of it, nor what was
    known before the first frame: a variance of `widest`. */
-static void damped(double P[3][3], const double M[3][3], double widest, double found[3][3]) {
-    double inverse[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
+static void damped(double P[3][3], const double spread[3][3], double widest, double found[3][3]) {
+    double sum[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
     copy(NOTHING, found);
-    if (!(part > 0.0) || !inverted(M, inverse)) return;
+    if (!(part > 0.0) || !(spread[0][0] > 0.0)) return;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) inverse[i][j] += P[i][j];
-    if (!inverted(inverse, found)) copy(NOTHING, found);
+        for (int j = 0; j < 3; j++) sum[i][j] = spread[i][j] + P[i][j];
+    if (!inverted(sum, found)) copy(NOTHING, found);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j <= i; j++) found[i][j] = found[j][i] = 0.5 * part * (found[i][j] + found[j][i]);
 }
 
-static void take_back(Online *filter, const double M[3][3]) {
+static void take_back(Online *filter, const double spread[3][3]) {
     int n = size_of(filter), used = (int)filter->used;
     double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
     with_centroid(filter, 0, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;
-    damped(P, M, filter->widest, less);
+    damped(P, spread, filter->widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
 }
 
-static void take_back_of_member(Member *member, const double M[3][3], double widest) {
+static void take_back_of_member(Member *member, const double spread[3][3], double widest) {
     double P[3][3], less[3][3], G[3][ERRORS], MG[3][ERRORS];
     for (int a = 0; a < 3; a++) {
         for (int j = 0; j < ERRORS; j++) G[a][j] = j < PATH_AND_MAP ? member->P[OFFSET + a][j] : j < (int)member->errors ? member->P[j][OFFSET + a] : 0.0;
         for (int b = 0; b < 3; b++) P[a][b] = G[a][OFFSET + b];
     }
-    damped(P, M, widest, less);
+    damped(P, spread, widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < ERRORS; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     add_products(member, G, MG);

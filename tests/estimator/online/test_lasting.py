@@ -1,11 +1,14 @@
 """Errors of features that last, in the online estimator: symmetric tops whose features' errors are Markov processes."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from compiling import online_core_of
 from tops import POINTS, SIGMA, errors, run, straight, tracks
 
 DRAWS = 8
@@ -76,3 +79,28 @@ def test_a_filter_that_starts_again_still_knows():
     assert OnlineStatus.LOST in {state.status for state in states}
     assert before > 5
     assert states[-1].lasting > 3
+
+
+ROUNDING = 1e-9  # of an inverse by cofactors, at condition numbers of some thousand
+KEPT = """#include "library.c"
+double kept(const Online *filter, double information[][3][3], double spread[][3][3])
+{
+    for (int f = 0; f < (int)filter->used; f++)
+        copy(filter->feature[f].information, information[f]), copy(filter->feature[f].spread, spread[f]);
+    return filter->frames_per_error;
+}"""
+
+
+def test_the_covariance_of_a_feature_stays_the_inverse_of_its_information(tmp_path):
+    """Also where errors are found to last, by which both are put right."""
+    core = online_core_of(tmp_path, KEPT)
+    core.kept.restype = ctypes.c_double
+    time = np.arange(FRAMES, dtype=float)
+    filter = OnlineEstimator(SIGMA)
+    run(filter, time, lasting_tracks(np.random.default_rng(12), time, straight(time), 0.9))
+    information, spread = np.empty((2, len(POINTS), 3, 3))
+    found = core.kept(filter._memory, *(each.ctypes.data_as(ctypes.c_void_p) for each in (information, spread)))
+    assert found > 2.0
+    for one, other in zip(information, spread, strict=True):
+        assert other[0, 0] > 0.0
+        np.testing.assert_allclose(one @ other, np.eye(3), rtol=0, atol=ROUNDING)
