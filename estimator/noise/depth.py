@@ -3,14 +3,18 @@
 A stereo rig, or any camera, knows the depth worse than the place in the image. Where its tracks come without
 covariances, the noise of a distance tells by how much, without any pose: for a pair of features whose connection has
 the cosine c with the line of sight its variance is k (1 − c² + ρ² c²), ρ the ratio of the deviations along and across,
-k the pair's own. The likelihood is that of Student's distribution, in which outliers count for little, and its maximum
-over the k is sought with ρ. As pairs share features, and frames that follow one another may share errors, the ratio of
-the likelihoods with ρ and without counts for as much less as the derivatives by ρ, summed over blocks of frames,
-scatter more than they would if all distances were independent (Chandler and Bate 2007, Biometrika 94).
+k the pair's own, and c² the mean of those with the features' two lines of sight, which differ by too much for a large
+ρ. The likelihood is that of Student's distribution, in which outliers count for little, and its maximum over the k is
+sought with ρ. As pairs share features, and frames that follow one another may share errors, the ratio of the
+likelihoods with ρ and without counts for as much less as the derivatives by ρ, summed over blocks of frames, scatter
+more than they would if all distances were independent (Chandler and Bate 2007, Biometrika 94).
 
 Features that stay in a plane across the line of sight, as three of a target that turns about it, have distances of
-which depths are no part. Where distances do not tell, the features' own places do, if the frames follow one another so
-closely that a cubic polynomial is what moves in five of them: what is left, a fourth divided difference, is noise.
+which depths are no part. Nor is what is above true where depths are so noisy that they turn the connection, by an angle
+of the deviation ε = ρ √k / d for a distance d: the cosine is that of noise then, and ρ too small. The second order of
+the distance adds ρ² ε² / 2 to its variance over k. Where distances do not tell, or only in that way, the features' own
+places do, if the frames follow one another so closely that a cubic polynomial is what moves in five of them: what is
+left, a fourth divided difference, is noise.
 
 Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
 is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
@@ -33,15 +37,14 @@ MOST_PAIRS = 40  # of features, whose distances are looked at
 DOF = 4.0  # of Student's distribution
 ROUNDS = 60  # of a fit, at most
 MOST_STEP, STEADY = 1.0, 1e-3  # of ln ρ²: the longest step, and what needs no further one
-GREATEST = 8.0  # |ln ρ²|, at which it is no longer sought
+GREATEST = 2 * np.log(1000)  # |ln ρ²|, at which it is no longer sought: that of a rig at 700 times its baseline
 BLOCKS, LEAST_BLOCKS = 24, 6  # of the frames: their sums tell how errors depend on those of frames nearby
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
 RATIO = 1.25  # ρ, below which it is no matter
 TELLING = 1.5  # ρ: distances that would not show one as great do not tell it
-DIFFERENCE, NOISE = (
-    5,
-    -0.6,
-)  # frames of a divided difference, and the correlation with the next, up to which it is noise
+TURNED = 0.1  # ρ² ε²: a greater one makes ρ more than 5 % too small
+DIFFERENCE = 5  # frames of a divided difference
+NOISE = -0.6  # correlation of a divided difference with the next, up to which it is noise
 ROUNDING, BODY = 1e-9, 0.1  # of a typical distance: what is less is no noise, what is more changes it
 
 
@@ -82,13 +85,14 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
     """
     rows = np.unique(np.linspace(0, len(right) - 1, min(len(right), SAMPLE)).astype(int))
     lengths, blocks = _Lengths.of_pairs(tracks, right, rows), min(BLOCKS, len(rows) // 2)
-    if not lengths.off.size or blocks < LEAST_BLOCKS:
+    if blocks < LEAST_BLOCKS:
         return None
-    found = _Ratio.of(lengths, blocks)
-    if found.tells or found.shown is not None:
+    found = _Ratio.of(lengths, blocks) if lengths.off.size else None
+    if found is not None and found.tells:
         return found.shown
-    differences = _Lengths.of_differences(tracks, right, lengths.distance)
-    return None if differences is None else _Ratio.of(differences, blocks).shown
+    differences = _Lengths.of_differences(tracks, right)
+    own = None if differences is None else _Ratio.of(differences, blocks).shown
+    return own if own is not None or found is None else found.shown
 
 
 def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
@@ -125,7 +129,7 @@ class _Lengths:
 
     across, along (n, k): parts of the variance as told by places across and along the line of sight, in 1 for each, or
     m²; range_squared (n, k), over that of the mean `distance`, m, 1 where variances are told; alike (k,): the index of
-    those whose deviation is the same but for these.
+    those whose deviation is the same but for these; turned (k,): ρ² ε² for ρ = k = 1, 0 for those of no connection.
     """
 
     off: FloatArray
@@ -135,6 +139,7 @@ class _Lengths:
     range_squared: FloatArray
     distance: float
     alike: IntArray
+    turned: FloatArray
 
     @classmethod
     def of_pairs(cls, tracks: FeatureTracks, right: BoolArray, rows: IntArray) -> "_Lengths":
@@ -149,18 +154,23 @@ class _Lengths:
         kept = (noise > ROUNDING * typical) & (noise < BODY * typical)
         off, both, (i, j) = off[:, kept], both[:, kept], distances.pairs[few][kept].T
         shown = np.where(seen[..., None], position, 0.0)
-        middle = (shown[:, i] + shown[:, j]) / 2
-        apart, sight, away = _directions(shown[:, i] - shown[:, j]), _directions(middle), np.linalg.norm(middle, axis=2)
+        away, sight, apart = np.linalg.norm(shown, axis=2), _directions(shown), _directions(shown[:, i] - shown[:, j])
+        cosines = np.array([np.einsum("nki,nki->nk", apart, sight[:, end]) for end in (i, j)])
+        depth, side = np.ones((2, 2, *off.shape))  # told variances of either end
+        away = (away[:, i] + away[:, j]) / 2
         mean = float(away[both].mean()) if both.any() else 1.0
         growth = np.where(both, away / mean, 1.0) ** 2
-        along, whole = np.einsum("nki,nki->nk", apart, sight) ** 2, np.ones(off.shape)
         if tracks.covariance is not None:
-            told = tracks.covariance[rows[:, None], i] + tracks.covariance[rows[:, None], j]
-            along, whole, growth = along * _variances(told, sight), _variances(told, apart), whole
-        return cls(off, both, np.maximum(whole - along, 0.0), along, growth, mean, np.arange(off.shape[1]))
+            told = np.where(both[..., None, None], [tracks.covariance[rows[:, None], end] for end in (i, j)], np.eye(3))
+            depth, growth = _variances(told, np.array([sight[:, i], sight[:, j]])), np.ones(off.shape)
+            side = (np.trace(told, axis1=-2, axis2=-1) - depth) / 2
+        along, across = np.mean(cosines**2 * depth, axis=0), np.mean((1 - cosines**2) * side, axis=0)
+        whole, part = (np.sum(np.mean(one, axis=0) * both, axis=0) / both.sum(axis=0) for one in (depth, side))
+        turned = whole**2 / (part * typical[kept] ** 2)
+        return cls(off, both, across, along, growth, mean, np.arange(off.shape[1]), turned)
 
     @classmethod
-    def of_differences(cls, tracks: FeatureTracks, right: BoolArray, distance: float) -> "_Lengths | None":
+    def of_differences(cls, tracks: FeatureTracks, right: BoolArray) -> "_Lengths | None":
         """Fourth divided differences of positions, along the line of sight and two axes across it; None if they are no
         noise.
 
@@ -170,7 +180,7 @@ class _Lengths:
         rows, middle = windows.begins[:, None] + np.arange(DIFFERENCE), windows.begins + DIFFERENCE // 2
         few = np.unique(np.linspace(0, right.shape[1] - 1, min(right.shape[1], MOST_PAIRS)).astype(int))
         few = few[right[:, few][rows].all(axis=1).any(axis=0)]
-        if not few.size:
+        if len(few) < 2:
             return None
         known, place = right[:, few][rows].all(axis=1), tracks.position[middle[:, None], few]
         sight = np.where(known[..., None], place, place[known].mean(axis=0))
@@ -179,7 +189,8 @@ class _Lengths:
         off = np.einsum("nw,nwmi,nmai->nma", windows.factor, shown, axes, optimize=True)
         both = windows.follow[:, None] & known[:-1] & known[1:]
         products, squares = (np.sum(off[:-1][both] * one[both]) for one in (off[1:], off[:-1]))
-        if not products < NOISE * squares:
+        distance = float(away[known].mean())
+        if not products < NOISE * squares or np.sqrt(squares / both.sum()) <= ROUNDING * distance:
             return None
         whole, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
         if tracks.covariance is not None:
@@ -187,7 +198,8 @@ class _Lengths:
             whole, growth = np.where(known[..., None], _variances(told[:, :, None], axes), 1.0), whole
         columns = (off, np.broadcast_to(known[..., None], off.shape), whole * [0, 1, 1], whole * [1, 0, 0], growth)
         off, seen, across, along, growth = (one.reshape(len(off), -1) for one in columns)
-        return cls(off, seen, across, along, growth, distance, np.repeat(np.arange(len(few)), 3))
+        alike = np.repeat(np.arange(len(few)), 3)
+        return cls(off, seen, across, along, growth, distance, alike, np.zeros(len(alike)))
 
     def summed(self, values: FloatArray) -> FloatArray:
         """The sum of values (n, k) over frames and all columns that are alike, for each column (k,)."""
@@ -230,7 +242,9 @@ def _axes(sight: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Ratio:
-    """What lengths tell of the ratio: `shown` unless it is chance; tells: whether one of TELLING would have shown."""
+    """What lengths tell of the ratio: `shown` unless it is chance; tells: whether that is all there is to it, as it is
+    shown, or one of TELLING would have been, and depths do not turn connections.
+    """
 
     shown: DepthRatio | None
     tells: bool
@@ -244,10 +258,11 @@ class _Ratio:
         equal = _Fit.of(lengths, of_rig=of_rig, free=False)
         dependence = max(1.0, equal.dependence(blocks))
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
+        linear = best.turned <= TURNED
         matters = 2 * np.log(RATIO) <= abs(best.log_ratio) < GREATEST
         if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < CHANCE**2:
-            return cls(None, tells)
-        return cls(DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, lengths.distance), tells)
+            return cls(None, tells and linear)
+        return cls(DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, lengths.distance), linear)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,13 +270,14 @@ class _Fit:
     """The maximum of the likelihood: ln ρ², and the logarithm of the likelihood there.
 
     scores (n,): of each frame, the derivative of that logarithm by ln ρ²; information: the expectation of its square,
-    for all frames, if all distances are independent.
+    for all frames, if all distances are independent; turned: ρ² ε², the median of all lengths.
     """
 
     log_ratio: float
     likelihood: float
     scores: FloatArray
     information: float
+    turned: float
 
     @classmethod
     def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
@@ -287,7 +303,8 @@ class _Fit:
             if steady:
                 break
         logarithm = np.log(scale * shape) + (DOF + 1) * np.log1p(square / (DOF * scale * shape))
-        return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information)
+        turned = float(np.median(np.exp(2 * log_ratio) * scale * lengths.turned))
+        return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information, turned)
 
     def dependence(self, blocks: int) -> float:
         """The variance of the scores, summed over so many blocks of frames, over that of independent distances."""

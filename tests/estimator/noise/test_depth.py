@@ -121,6 +121,28 @@ def test_the_ratio_is_that_at_the_mean_range_of_a_target_that_comes_near():
     assert np.sqrt(np.median(ratios, axis=0)) == pytest.approx([1, 1, 1], rel=0.3)
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("ratio", "across"), [(15.0, 0.001), (30.0, 0.001), (60.0, 0.002), (100.0, 0.004)])
+def test_a_short_baseline_has_the_ratio_of_its_noise(ratio, across, seed):
+    """That of independent noise of both images, √2 range / baseline: 20 m by 1.9, 0.94, 0.47 and 0.28 m.
+
+    6 features and 296 differences, of which a quarter are independent: 444 values along the line of sight and 888
+    across it. Student's distribution of 4 degrees tells of each 4/7 of what the normal one does: ln ρ to
+    √(7/8 (1/444 + 1/888)), 5 %: four deviations.
+    """
+    tracks = seen_by_a_rig(seed, ratio=ratio, across=across)
+    assert depth_ratio(tracks, tracks.seen).ratio == pytest.approx(ratio, rel=0.22)
+    told = seen_by_a_rig(seed, ratio=ratio, across=across, told=ratio / 2)
+    assert depth_ratio(told, told.seen).ratio == pytest.approx(2.0, rel=0.22)
+
+
+def test_where_differences_are_no_noise_distances_tell_what_they_can():
+    """Frames are half a radian apart: the ratio is too small, but far from 1."""
+    tracks = seen_by_a_rig(0, ratio=40.0)
+    few = FeatureTracks(tracks.time[::10], tracks.position[::10], tracks.labels)
+    assert 5 < depth_ratio(few, few.seen).ratio < 40
+
+
 def test_a_lidar_knows_the_depth_better():
     tracks = seen_by_a_rig(1, ratio=0.2, across=0.02)
     assert depth_ratio(tracks, tracks.seen).ratio == pytest.approx(0.2, rel=0.25)
