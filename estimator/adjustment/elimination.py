@@ -29,7 +29,8 @@ class ReducedEquations:
     """Normal equations of one body after the elimination of its rotations: of the path (p, p) and of points (3 m, 3 m).
 
     path_points (p, 3 m) couples them; sizes: diagonals before the elimination; right-hand sides; noise_cost: the
-    weighted squares of the frames' own shifts.
+    weighted squares of the frames' own shifts, and noise_volume: ln det (1 + N Σ) of these, N their information and Σ
+    their covariance, summed over the frames: what their freedom costs.
     """
 
     path: FloatArray
@@ -40,6 +41,7 @@ class ReducedEquations:
     path_rhs: FloatArray
     points_rhs: FloatArray
     noise_cost: float = 0.0
+    noise_volume: float = 0.0
 
     @classmethod
     def zero(cls, p: int, q: int) -> "ReducedEquations":
@@ -164,7 +166,9 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
             known, rhs = rows[:3].transpose(2, 1, 0), rows[-1].T
             gained = np.einsum("kij,qjk->qik", inverted_sums(shifts.among_all(R_C_B), known), rows)
             total.eliminate(rows, gained)
-            moved = np.einsum("kij,kj->ki", inverted_sums(shifts.in_body(R_C_B), known), rhs)
+            covariance = shifts.in_body(R_C_B)
+            total.noise_volume += float(np.linalg.slogdet(np.eye(3) + covariance @ known)[1].sum())
+            moved = np.einsum("kij,kj->ki", inverted_sums(covariance, known), rhs)
             cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
             total.noise_cost += max(cost, 0.0)  # squares, if it were not for rounding
             turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)

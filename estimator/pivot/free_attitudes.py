@@ -94,7 +94,8 @@ class Linearised:
     diagonal before. For each body, with attitudes at their optimum: inverse (3 m, 3 m) of its points' matrix, by_path
     (3 m, p): a change δx changes the points by −by_path δx, points_rhs (3 m,), and told (m,): the points that hold the
     axes. squares (n, m): the weighted squared residuals, without the frames' own shifts; noise_cost: the weighted
-    squares of these. offset_cost: the squares of the offsets, over their prior's variances.
+    squares of these, and noise_volume: what their freedom costs, see `ReducedEquations`. offset_cost: the squares of
+    the offsets, over their prior's variances.
     """
 
     bodies: tuple[Body, ...]
@@ -108,6 +109,7 @@ class Linearised:
     told: tuple[BoolArray, ...]
     squares: FloatArray
     noise_cost: float = 0.0
+    noise_volume: float = 0.0
     offset_cost: float = 0.0
 
     def step(self, precision: FloatArray | None = None) -> Solution:
@@ -241,7 +243,6 @@ def linearised(
         inverses.append(inverse)
         by_paths.append(by_path)
     points_rhs = tuple(own_sums.points_rhs for own_sums in sums)
-    noise_cost = sum(own_sums.noise_cost for own_sums in sums)
     return Linearised(
         bodies=tuple(turned),
         x=x,
@@ -253,7 +254,8 @@ def linearised(
         points_rhs=points_rhs,
         told=tuple(told_features(body, observations.weight) for body in turned),
         squares=squares,
-        noise_cost=noise_cost,
+        noise_cost=sum(own_sums.noise_cost for own_sums in sums),
+        noise_volume=sum(own_sums.noise_volume for own_sums in sums),
         offset_cost=offset_cost,
     )
 

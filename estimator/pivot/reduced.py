@@ -54,9 +54,11 @@ def bounded_cost(
 ) -> float:
     """−2 ln of the marginal likelihood of a solution, up to a constant, with outliers of a bounded cost.
 
-    An observation that is not used costs as much as any outlier. weight (n, m): robust; variance: of an observation of
+    An observation that is not used costs as much as any outlier, and shifts of frames by noise what they are and what
+    they could be. weight (n, m): robust; variance: of an observation of
     weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought; gate: the cost of an
     outlier.
     """
     gained = np.minimum(squares_of_used(problem, weight) / variance - gate, 0.0)
-    return float(gained.sum()) + complexity(scaled(problem, variance), prior, theta)
+    shifted = problem.noise_cost / variance + problem.noise_volume
+    return float(gained.sum()) + shifted + complexity(scaled(problem, variance), prior, theta)

@@ -47,3 +47,35 @@ def test_movements_of_frames_cost_nothing_where_they_explain_all():
         shifts = FrameShifts(np.broadcast_to(1e18 * np.eye(3), (N, 3, 3)))
         _, sums, _ = eliminated(Body(features, frames, points, attitude), observations, AllFrames(path, origin, shifts))
         assert 0 <= sums.noise_cost < 1e-24
+
+
+def test_frames_that_move_cost_what_the_determinant_of_all_their_observations_does():
+    """The dense restricted likelihood of each frame: its noise and its shift's as one covariance, its turn unknown."""
+    rng = np.random.default_rng(5)
+    frames, features = np.arange(N), np.arange(M)
+    points, attitude = rng.normal(size=(M, 3)), Rotation.random(N, random_state=5).as_matrix()
+    path = Polynomial(2, 0.0, 1.0).at(np.linspace(0.0, 1.0, N))
+    origin = path.position(rng.normal(size=9))
+    square = rng.normal(size=(N, 3, 3))
+    covariance = square @ np.swapaxes(square, 1, 2)
+    shift = np.einsum("kij,kj->ki", square, rng.normal(size=(N, 3)))
+    places = (origin + 1e-6 * shift)[:, None] + points @ np.swapaxes(attitude, 1, 2)
+    position = places + 1e-6 * rng.normal(size=(N, M, 3))  # so small that all is linear
+    observations = Observations(position, np.ones((N, M)))
+    body = Body(features, frames, points, attitude)
+    _, sums, squares = eliminated(body, observations, AllFrames(path, origin, FrameShifts(covariance)))
+    cost, volume = 0.0, 0.0
+    for k in frames:
+        place = points @ attitude[k].T
+        turn = np.concatenate([np.cross(np.eye(3), one).T for one in place])
+        whole = np.eye(3 * M) + np.tile(covariance[k], (M, M))
+        information = np.linalg.inv(whole)
+        left = information @ turn
+        information -= left @ np.linalg.inv(turn.T @ left) @ left.T
+        residual = (position[k] - origin[k] - place).ravel()
+        cost += residual @ information @ residual
+        volume += (
+            np.linalg.slogdet(whole)[1] + np.linalg.slogdet(turn.T @ left)[1] - np.linalg.slogdet(turn.T @ turn)[1]
+        )
+    assert squares.sum() + sums.noise_cost == pytest.approx(cost, rel=1e-4)
+    assert sums.noise_volume == pytest.approx(volume, rel=1e-9)

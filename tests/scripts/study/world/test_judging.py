@@ -152,3 +152,11 @@ def test_what_can_be_told_is_told():
         made, _ = prepared(name, 1, 0)
         orbit, options = told(made, PathOptions())
         assert orbit.j2 is not None or options != PathOptions() or made.camera is not None
+
+
+@pytest.mark.parametrize("draw", [7, 64])
+def test_burns_are_not_left_to_a_camera_that_shakes(draw):
+    """Frames that may be anywhere by a decimetre fit any burns: their freedom counts. Bounds are of known burns."""
+    line = judged("thrust not logged", 1, draw, "pivot")
+    assert [name.split()[0] for name in line["findings"]] == 3 * ["UnknownBurn"]
+    assert line["rmse"] < 4 * line["bound"]
