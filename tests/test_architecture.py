@@ -107,7 +107,10 @@ PLACED = sorted(name for name in MODULES if layer_of(name) is not None)
 
 
 def test_every_module_has_its_layer():
-    roots = {BARYSCOPE, *(f"{BARYSCOPE}.{name}" for name in ("__main__", "progress", "table", "threads", "scripts"))}
+    roots = {
+        BARYSCOPE,
+        *(f"{BARYSCOPE}.{name}" for name in ("__main__", "progress", "streams", "table", "threads", "scripts")),
+    }
     assert set(MODULES) - set(PLACED) == roots
     rooms = {room for rooms in LAYERS for room in rooms}
     assert {room_of(name) for name in PLACED} == rooms

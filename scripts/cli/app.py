@@ -11,7 +11,7 @@ from cyclopts import App, Argument, CoercionError, CycloptsError, MissingArgumen
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.cli.ending import Ending, ending_by_signal
-from baryscope.scripts.cli.streams import prepare_streams
+from baryscope.streams import drop_output, prepare_streams
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 STOPPED = "interrupted; files that were not finished are not there"
@@ -79,14 +79,14 @@ def _run(arguments: list[str], ending: Ending) -> int:
     except KeyboardInterrupt as interrupt:
         return _complain(interrupt if interrupt.args else STOPPED, INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
-        _drop_output()
+        drop_output()
         return FAILED
     except OSError as error:
         if error.filename is not None:
             return _complain(f"{error.filename}: {error.strerror}", FAILED)
         if isinstance(error, FileNotFoundError):
             return _complain("the current folder: is not there any more, expected one that is", FAILED)
-        _drop_output()  # files have names
+        drop_output()  # files have names
         return _complain(f"standard output: cannot be written ({error.strerror or error})", FAILED)
     except Exception as error:
         if ending.number is not None:  # a library has made this of the interrupt
@@ -114,11 +114,6 @@ def _words(error: CycloptsError) -> str:
 
 def _is_number(kind: object) -> bool:
     return bool({int, float} & {kind, *get_args(kind)})
-
-
-def _drop_output() -> None:
-    """What is still to be printed goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(error: object, code: int) -> int:

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table as RichTable
 
 from baryscope.progress import Progress as Tell
-from baryscope.scripts.cli.streams import speaks_unicode
+from baryscope.streams import speaks_unicode
 from baryscope.table import Table
 
 out = Console(highlight=False, markup=False)

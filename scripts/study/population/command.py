@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from baryscope.models.errors import InputError
+from baryscope.streams import drop_output
 from baryscope.study.population.running import Line, Task, append, lines_of, run
 
 
@@ -51,10 +52,16 @@ def positive(text: str) -> int:
 
 
 def executed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int:
-    """Run the chosen command: 0 if it could do what it is asked for. A wrong file ends the program with one line."""
+    """Run the chosen command: 0 if it could do what it is asked for. A wrong file ends the program with one line, and a
+    reader who has seen enough with none.
+    """
     options = parser.parse_args(arguments)
     try:
         options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        drop_output()
+        return 1
     except InputError as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
     return 0

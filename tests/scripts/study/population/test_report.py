@@ -1,5 +1,9 @@
 """What counts as wrong, announced, refused and clear."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -129,3 +133,13 @@ def test_draws_of_a_case_differ_by_their_noise_alone(capsys):
     errors, claims = np.array([row[-3:-1] for row in found], dtype=float).T
     assert claims.max() < 2 * claims.min()
     assert errors.max() < 4 * claims.max()
+
+
+def test_a_reader_who_has_seen_enough_is_no_error(tmp_path):
+    file = tmp_path / "lines.jsonl"
+    file.write_text(json.dumps(ANSWER) + "\n")
+    command = [sys.executable, "-m", "baryscope.study.population", "report", str(file)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 1

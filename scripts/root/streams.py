@@ -47,3 +47,8 @@ def _is_open(number: int) -> bool:
         os.fstat(number)
         return True
     return False
+
+
+def drop_output() -> None:
+    """What is still to be printed goes nowhere: as where its reader has gone."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
