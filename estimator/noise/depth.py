@@ -100,8 +100,9 @@ def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float
     times a factor.
     """
     sight = _directions(place)
-    more = (factor**2 - 1) * _variances(covariance, sight)
-    return np.asarray(covariance + more[..., None, None] * sight[..., :, None] * sight[..., None, :])
+    scaling = np.eye(3) + (factor - 1) * sight[..., :, None] * sight[..., None, :]
+    scaled = scaling @ covariance @ scaling
+    return np.asarray((scaled + np.swapaxes(scaled, -1, -2)) / 2)  # symmetric but for rounding
 
 
 def deviations(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import DepthNoise
-from baryscope.estimator.noise.depth import DepthRatio, depth_ratio
+from baryscope.estimator.noise.depth import DepthRatio, depth_ratio, with_noisier_depths
 from baryscope.estimator.result import Status
 
 TIME = np.arange(300.0)
@@ -217,6 +217,20 @@ def test_a_ratio_that_is_told_rightly_is_left_as_it_is(seed, ratio):
     assert depth_ratio(tracks, tracks.seen) is None
     tracks, _ = across_the_sight(seed, ratio, told=ratio)
     assert depth_ratio(tracks, tracks.seen) is None
+
+
+@pytest.mark.parametrize("factor", [0.1, 3.0])
+def test_covariances_of_any_axes_stay_covariances(factor):
+    """Those of a wide rig seen from its side have no axis along the line of sight."""
+    rng = np.random.default_rng(0)
+    place, root = rng.normal(size=(50, 4, 3)), rng.normal(size=(50, 4, 3, 3)) * [1.0, 1.0, 1e-3]
+    covariance = root @ np.swapaxes(root, -1, -2)
+    mended = with_noisier_depths(covariance, place, factor)
+    np.testing.assert_array_equal(mended, np.swapaxes(mended, -1, -2))
+    sight = place / np.linalg.norm(place, axis=2, keepdims=True)
+    along = [np.einsum("nmi,nmij,nmj->nm", sight, one, sight) for one in (covariance, mended)]
+    np.testing.assert_allclose(along[1], factor**2 * along[0], rtol=1e-9)
+    assert FeatureTracks(TIME[:50], place, tuple("abcd"), mended).covariance is not None
 
 
 def test_too_few_frames_or_noise_tell_nothing():
