@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.limits import NARROWEST
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -46,7 +47,7 @@ def width_of(tracks: FeatureTracks) -> float | None:
     shared = np.nonzero(tracks.seen.sum(axis=1) > 1)[0]
     if not shared.size:
         return None
-    frames = shared[np.unique(np.linspace(0, len(shared) - 1, SAMPLE).astype(np.intp))]
+    frames = shared[evenly_spaced(len(shared), SAMPLE)]
     position = tracks.position[frames]
     off = np.abs(position - np.nanmedian(position, axis=1, keepdims=True)).max(axis=2)
     return 2 * float(np.median(np.nanmedian(off, axis=1)))

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.screening import distances_between
 from baryscope.estimator.tracks import FeatureTracks
 
@@ -83,7 +84,7 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
 
     right (n, m): the observations that count. The rig is at the origin of C.
     """
-    rows = np.unique(np.linspace(0, len(right) - 1, min(len(right), SAMPLE)).astype(int))
+    rows = evenly_spaced(len(right), SAMPLE)
     lengths, blocks = _Lengths.of_pairs(tracks, right, rows), min(BLOCKS, len(rows) // 2)
     if blocks < LEAST_BLOCKS:
         return None
@@ -147,7 +148,7 @@ class _Lengths:
         """Distances in some rows of tracks that are noisy, but less than the body is large."""
         position, seen = tracks.position[rows], right[rows]
         distances = distances_between(position, seen)
-        few = np.unique(np.linspace(0, len(distances.pairs) - 1, min(len(distances.pairs), MOST_PAIRS)).astype(int))
+        few = evenly_spaced(len(distances.pairs), MOST_PAIRS)
         off, typical = distances.off[:, few], distances.typical[few]
         both = np.isfinite(off)
         off = np.where(both, off, 0.0)
@@ -179,7 +180,7 @@ class _Lengths:
         """
         windows = _Windows.of(tracks.time)
         rows, middle = windows.begins[:, None] + np.arange(DIFFERENCE), windows.begins + DIFFERENCE // 2
-        few = np.unique(np.linspace(0, right.shape[1] - 1, min(right.shape[1], MOST_PAIRS)).astype(int))
+        few = evenly_spaced(right.shape[1], MOST_PAIRS)
         few = few[right[:, few][rows].all(axis=1).any(axis=0)]
         if len(few) < 2:
             return None

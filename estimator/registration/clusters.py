@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS, align
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.flips import steady
 from baryscope.estimator.registration.gathering import (
@@ -85,7 +86,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
     chosen, registrations, blocks = set(long), [], []
     for interval in long:
         rows = enough[interval.frames]
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_SHAPE_FRAMES)).astype(int))]
+        rows = rows[evenly_spaced(len(rows), MAX_SHAPE_FRAMES)]
         block = np.ix_(rows, np.array(interval.features))
         blocks.append(np.where(used[block][..., None], position[block], np.nan))
         registrations.append(register(blocks[-1], tolerance=SHAPE_TOLERANCE))

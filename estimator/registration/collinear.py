@@ -7,6 +7,7 @@ the line passes at a distance.
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import MIN_FRAMES, Registered
 from baryscope.estimator.registration.noise import noise_of_distances
@@ -69,7 +70,7 @@ def _seen_length(used: BoolArray, places: FloatArray) -> FloatArray:
 
 def _squared_distances(position: FloatArray, used: BoolArray) -> FloatArray:
     """The mean squared distances (m, m) of features that are seen together, m², in up to SAMPLE frames; 0 of others."""
-    rows = np.unique(np.linspace(0, len(used) - 1, min(len(used), SAMPLE)).astype(int))
+    rows = evenly_spaced(len(used), SAMPLE)
     seen = used[rows].astype(np.float64)
     points = np.where(used[rows][..., None], position[rows], 0.0)
     square = np.einsum("kmi,kmi->km", points, points)

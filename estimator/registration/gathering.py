@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS, Alignment, align
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.estimator.registration.procrustes import ADEQUATE, OFF_LINE
 
@@ -176,7 +177,7 @@ def refined_shape(whole: Shape, sightings: Sightings) -> None:
     (features, points), variances = whole.arrays(), whole.variances(sightings.noise)
     rows, _ = frames_of(whole.intervals)
     rows = rows[sightings.used[np.ix_(rows, features)].sum(axis=1) >= FEWEST_POINTS]
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_FRAMES)).astype(int))]
+    rows = rows[evenly_spaced(len(rows), MAX_FRAMES)]
     for _ in range(MAX_ROUNDS):
         (rotation, translation), determined = aligned_frames(sightings, rows, features, points, variances)
         block = np.ix_(rows[determined], features)

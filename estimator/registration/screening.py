@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from baryscope.estimator.geometry.evenly import evenly_spaced
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 LIMIT = 5.0  # standard deviations of a distance that still fits
@@ -37,7 +39,7 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
     """
     n, m = seen.shape
     pairs = _pairs(m)
-    rows = np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
+    rows = evenly_spaced(n, SAMPLE)
     typical, spread = _typical_distances(_Seen.of(position, seen, covariance, rows), pairs, soft)
     known = np.isfinite(typical)
     seen = seen & ~_not_of_body(typical, spread, pairs, m)
@@ -70,7 +72,7 @@ class Distances:
 def distances_between(position: FloatArray, seen: BoolArray) -> Distances:
     """The distances between features at positions (n, m, 3) in m; seen (n, m)."""
     pairs = _pairs(seen.shape[1])
-    rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
+    rows = evenly_spaced(len(seen), SAMPLE)
     typical, _ = _typical_distances(_Seen.of(position, seen, None, rows), pairs, 0.0)
     known = np.isfinite(typical)
     pairs, typical = pairs[known], typical[known]
