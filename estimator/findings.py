@@ -227,6 +227,13 @@ class DepthNoise:
 
 
 @dataclass(frozen=True)
+class MovingFeatures:
+    """Features of some `labels` move on the body, as on a panel that bends: the estimate is made without them."""
+
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class FreeAttitudes:
     """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
 
@@ -252,6 +259,7 @@ Finding = (
     | WrongSigma
     | ChangingNoise
     | DepthNoise
+    | MovingFeatures
     | FreeAttitudes
 )
 UNCHECKED = FewFrames | FollowsRotation | Extrapolated

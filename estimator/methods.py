@@ -12,6 +12,7 @@ from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.noise.following import with_noise_as_shown
+from baryscope.estimator.noise.moving import without_moving_features
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
@@ -59,7 +60,10 @@ class Method:
         def fit(own: FeatureTracks, told: Options) -> Estimate:
             return self.run(own, orbit, told, progress)
 
-        found = with_noise_as_shown(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
+        if isinstance(chosen, PathOptions):
+            found = without_moving_features(lambda own: with_noise_as_shown(fit, own, chosen), tracks)
+        else:
+            found = fit(tracks, chosen)
         found = claimed(found if self.camera_errors else considered(found, tracks), tracks)
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))

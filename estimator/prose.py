@@ -24,6 +24,7 @@ from baryscope.estimator.findings import (
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
+    MovingFeatures,
     UnknownBurn,
     UnknownPush,
     UntoldAccuracy,
@@ -67,7 +68,7 @@ def sentence(finding: Finding) -> str:
             return _of_orbit(finding)
         case UnknownBurn() | UnknownPush():
             return _of_force(finding)
-        case WrongSigma() | ChangingNoise() | DepthNoise():
+        case WrongSigma() | ChangingNoise() | DepthNoise() | MovingFeatures():
             return _of_noise(finding)
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
@@ -191,7 +192,7 @@ def _of_force(finding: UnknownBurn | UnknownPush) -> str:
             )
 
 
-def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise) -> str:
+def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise | MovingFeatures) -> str:
     """What is found of the noise, in words."""
     match finding:
         case WrongSigma():
@@ -215,6 +216,8 @@ def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise) -> str:
                 f"depths have a noise of {finding.along:.2g} m, places across the line of sight one of "
                 f"{finding.across:.2g} m, which {told} told; every observation is weighed by that"
             )
+        case MovingFeatures():
+            return f"{', '.join(finding.labels)} move on the body, as on a panel that bends: left out"
 
 
 def summary(result: Estimate) -> list[str]:

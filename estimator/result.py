@@ -325,3 +325,8 @@ class Estimate:
         """Labels of the features with more than PERSISTENT of their observations rejected."""
         wrong, total = self.rejected.sum(axis=0), np.maximum(self.used.sum(axis=0), 1)
         return tuple(self.labels[index] for index in np.nonzero(wrong > PERSISTENT * total)[0])
+
+    def sources(self, labels: tuple[str, ...]) -> IntArray:
+        """The index among the tracks' labels of each of its own (m,), which may be `F3 (2)` for another point of F3."""
+        own = (label if label in labels else label.rpartition(" ")[0] for label in self.labels)
+        return np.array([labels.index(label) for label in own], dtype=np.intp)

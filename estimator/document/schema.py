@@ -109,6 +109,7 @@ class FindingPart(Part):
         "wrong-sigma",
         "changing-noise",
         "depth-noise",
+        "moving-features",
         "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
@@ -130,7 +131,7 @@ class FindingPart(Part):
         None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
     labels: tuple[str, ...] | None = Field(
-        None, description="different-points, disagreeing-clusters: the labels in question"
+        None, description="different-points, disagreeing-clusters, moving-features: the labels in question"
     )
     clusters: tuple[int, int] | None = Field(
         None, description="different-points, disagreeing-clusters: indices of the two"

@@ -35,9 +35,9 @@ MANY = 0.03  # share of a part's observations that are rejected, from which its 
 MORE = 3.0  # times the share in the quietest part
 
 
-def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> Estimate:
+def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> tuple[Estimate, FeatureTracks]:
     """The estimate by a fit, with the noise of each part of the tracks where one noise rejects what a part shows, and
-    with that of depths where it is another than across the line of sight.
+    with that of depths where it is another than across the line of sight; and the tracks as these weigh them.
 
     Tracks with covariances tell their noise by themselves, but how much noisier depths are may be told wrongly. A sigma
     is not used where the noise changes or has axes.
@@ -50,56 +50,50 @@ def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -
     without_pose = own.seen & ~np.any(plain.used, axis=1, keepdims=True)
     ratio = depth_ratio(own, (plain.used | without_pose) & ~plain.rejected)
     if tracks.covariance is not None:
-        return plain if ratio is None else _with_depths_as_shown(fit, tracks, options, plain, ratio.ratio)
+        return (plain, tracks) if ratio is None else _with_depths_as_shown(fit, tracks, options, plain, ratio.ratio)
     parts = _rejecting_parts(plain, tracks)
     if not parts and ratio is None:
-        return plain
+        return plain, tracks
     deviation = np.full(len(tracks.time), plain.noise.a_posteriori)
     for part in parts:
         deviation[part.begin : part.end] = part.deviation
     covariance = np.broadcast_to(np.eye(3), (*tracks.position.shape, 3))
     if ratio is not None:
         place = tracks.position.copy()
-        for column, residual in zip(_sources(plain, tracks), np.moveaxis(plain.residuals, 1, 0), strict=True):
+        for column, residual in zip(plain.sources(tracks.labels), np.moveaxis(plain.residuals, 1, 0), strict=True):
             place[:, column] -= np.nan_to_num(residual)
         covariance = ratio.covariance(place)
     weighed = replace(tracks, covariance=deviation[:, None, None, None] ** 2 * covariance)
     try:
         found = fit(weighed, replace(options, sigma=None))
     except ComputationError:
-        return plain
-    return _claimed(found, plain, weighed, parts, ratio)
+        return plain, tracks
+    return _claimed(found, plain, weighed, parts, ratio), weighed
 
 
 def _with_depths_as_shown(
     fit: Fit, tracks: FeatureTracks, options: PathOptions, plain: Estimate, factor: float
-) -> Estimate:
+) -> tuple[Estimate, FeatureTracks]:
     """The estimate with deviations along the line of sight times a factor on what the tracks' covariances tell."""
     told = np.asarray(tracks.covariance)
     weighed = replace(tracks, covariance=with_noisier_depths(told, tracks.position, factor))
     try:
         found = fit(weighed, options)
     except ComputationError:
-        return plain
+        return plain, tracks
     across, along = deviations(told[tracks.seen], tracks.position[tracks.seen])
     size = found.noise.a_posteriori
     finding = DepthNoise(size * across, size * factor * along, along / across)
-    return replace(
-        found, findings=(*found.findings, finding), options=plain.options, wall_time=plain.wall_time + found.wall_time
-    )
-
-
-def _sources(found: Estimate, tracks: FeatureTracks) -> list[int]:
-    """The index among the tracks' labels of each of an estimate's, which may be `F3 (2)` for another point of F3."""
-    own = (label if label in tracks.labels else label.rpartition(" ")[0] for label in found.labels)
-    return [tracks.labels.index(label) for label in own]
+    wall_time = plain.wall_time + found.wall_time
+    told_so = replace(found, findings=(*found.findings, finding), options=plain.options, wall_time=wall_time)
+    return told_so, weighed
 
 
 def _in_columns_of(found: Estimate, tracks: FeatureTracks) -> FeatureTracks:
     """The tracks of an estimate's features."""
     if found.labels == tracks.labels:
         return tracks
-    source, covariance = _sources(found, tracks), tracks.covariance
+    source, covariance = found.sources(tracks.labels), tracks.covariance
     own = None if covariance is None else covariance[:, source]
     return replace(tracks, position=tracks.position[:, source], labels=found.labels, covariance=own)
 
@@ -124,7 +118,7 @@ def _claimed(
     size, scale = (found.noise.a_posteriori if found.noise.relative else 1.0), 1.0
     if found.noise.relative and kept.any():
         assert weighed.covariance is not None  # noqa: S101  as its caller has made it
-        covariance = weighed.covariance[:, _sources(found, weighed)][kept]
+        covariance = weighed.covariance[:, found.sources(weighed.labels)][kept]
         scale = float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2)) / 3))
     deviation = scale * found.noise.a_posteriori
     lasting = max(found.noise.lasting, *(_lasting(found, kept, part) for part in parts), 0.0)

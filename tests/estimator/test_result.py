@@ -13,6 +13,7 @@ from baryscope.estimator.findings import (
     FewFrames,
     FollowsRotation,
     LackOfFit,
+    MovingFeatures,
     UnknownPush,
     UntoldAccuracy,
     WrongSigma,
@@ -58,6 +59,7 @@ def test_status_is_the_most_severe_defect():
         DifferentPoints(("a",), (0, 1)),
         UntoldAccuracy(1e4, 0.0),
         UnknownPush("sun", (1e-7,), (1e-9,)),
+        MovingFeatures(("a",)),
         *noises,
     ):
         assert an_estimate(findings=(remark,)).status is Status.GOOD
