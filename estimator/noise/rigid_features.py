@@ -33,7 +33,8 @@ IntArray = NDArray[np.intp]
 
 WINDOWS = 32  # of the time, at most
 SHORTEST, LONGEST = 3, 50  # frames of a window, at least, and how many are looked at
-FEWEST = 20  # observations of a feature, beside one in each window, that tell its noise
+FEWEST = 20  # observations of a feature, in frames with an attitude
+COMMON = 20.0  # degrees of freedom for which the noise of all features counts in that of one
 LONGER = 2.0  # times as long as those of others last errors that matter
 CHANCE = 0.01  # probability that one of the features seems to move, below which that is none
 SAMPLES = 20  # of three features: where a third of all move, three in ten have none, and none of 20 by chance of 1e-3
@@ -82,11 +83,13 @@ class WindowMeans:
         )
         of_means = np.divide(freedom, seen, out=np.zeros_like(freedom), where=seen > 0)
         within, between = (freedom - of_means).sum(axis=0), of_means.sum(axis=0) - 3
-        known = (within >= 3 * FEWEST) & (between > 0)
+        known = between > 0
         if known.sum() <= FEWEST_POINTS:
             return None
         squares = _squares(information, weighted).sum(axis=0)
-        variance = np.maximum((own.squares.sum(axis=0) - squares)[known] / within[known], np.finfo(float).tiny)
+        inner = own.squares.sum(axis=0) - squares
+        of_all = max(float(inner.sum() / within.sum()), np.finfo(float).tiny)
+        variance = ((inner + COMMON * of_all) / (within + COMMON))[known]
         return cls(
             features[known],
             own.arms[known],
@@ -253,5 +256,5 @@ def _squares(information: FloatArray, weighted: FloatArray) -> FloatArray:
 
 def _held(matrix: FloatArray) -> FloatArray:
     """Normal matrices (..., k, k) with what holds unknowns that they do not determine."""
-    size = matrix.shape[-1]
-    return np.asarray(matrix + TINY * np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] / size * np.eye(size))
+    size = np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] / matrix.shape[-1]
+    return np.asarray(matrix + TINY * np.where(size > 0, size, 1.0) * np.eye(matrix.shape[-1]))
