@@ -22,7 +22,7 @@ from baryscope.estimator.adjustment.spurious import (
 )
 from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
 from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Body, Pair
-from baryscope.estimator.joint.noise import Fit, bands, restricted_likelihood, transformed
+from baryscope.estimator.joint.noise import Fit, band_variances, bands, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -30,6 +30,7 @@ CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coef
 LEAST_COEFFICIENTS = 4  # in time, the slowest, that are used whatever the turn
 SMALLEST = 0.03  # singular value of a function of the motion over that of the greatest
 LOOSE = 1 / 3  # of the markers' radius: a centre that is less certain in a direction is one of a hinge
+COEFFICIENTS_PER_FUNCTION = 4  # along time, of the markers' own noise, at least
 MOST_SQUARES = 8  # functions that are products of angles and rates
 
 
@@ -75,6 +76,17 @@ def motion_functions(
     other does. Else what both together show is taken for that of one, as of a hinge along its axis, and the other's,
     which shifts the centre as much across it, for none.
     """
+    angle, linear, squares = _of_motion(R_P_C)
+    of_bodies = [np.concatenate(coordinates, axis=2)] if of_one_size else list(coordinates)
+    groups = [(angle, axes) for axes in of_bodies] + [(linear, coordinates[0]), (squares, coordinates[0])]
+    n, c, _ = coordinates[0].shape
+    return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
+
+
+def _of_motion(R_P_C: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Functions of time of the mean 0: the angles (n, 3), rad; and orthonormal ones, combinations of angles and rates
+    (n, q), and of their products (n, r) across these.
+    """
     angle = angles(R_P_C)
     rate = np.gradient(angle, axis=0)
     angle, rate = angle - angle.mean(axis=0), rate - rate.mean(axis=0)
@@ -83,11 +95,7 @@ def motion_functions(
     i, j = np.triu_indices(linear.shape[1])
     products = linear[:, i] * linear[:, j]
     products = products - products.mean(axis=0)
-    squares = _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
-    of_bodies = [np.concatenate(coordinates, axis=2)] if of_one_size else list(coordinates)
-    groups = [(angle, axes) for axes in of_bodies] + [(linear, coordinates[0]), (squares, coordinates[0])]
-    n, c, _ = coordinates[0].shape
-    return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
+    return angle, linear, _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
 
 
 def angles(R_P_C: FloatArray) -> FloatArray:
@@ -111,35 +119,47 @@ def clear_coefficients(pair: Pair, clear: float = CLEAR) -> IntArray:
     clear: the least ratio of its power to that of the attitudes' noise.
     """
     power = np.sum(transformed(pair.relative) ** 2, axis=(1, 2))
-    noise = sum(2 * np.trace(turn.mean(axis=0)) for _, turn in _turns(pair))
+    noise = sum(2 * np.trace(turn.mean(axis=0)) for turn, _ in _turns(pair))
     shown = power > clear * noise
     shown[:LEAST_COEFFICIENTS] = True
     return np.nonzero(shown)[0]
 
 
-def own_power(body: Body) -> FloatArray:
-    """The power of the markers' own noise in each coefficient along time (k,), over that of white noise: 1 on average.
+def own_power(pair: Pair, body: Body) -> FloatArray:
+    """The variance of the markers' own noise in each coefficient along time (k,), m² per coordinate: without what is a
+    function of the motion.
 
-    What skin does to single markers lasts: much of it is at the low frequencies of the motion.
+    What skin does to single markers lasts: much of it is at the low frequencies of the motion. What of it follows the
+    motion turns the body as the motion does, and is in the slide that does: it feigns no information beside that.
     """
-    power = np.sum(transformed(np.nan_to_num(body.residual)) ** 2, axis=(1, 2))
-    ends = bands(len(power))
-    width = np.diff(ends)
-    of_bands = np.add.reduceat(power, ends[:-1]) / width
-    return np.repeat(of_bands, width) / max(float(np.mean(power)), 1e-300)
+    _, linear, squares = _of_motion(pair.relative)
+    functions = np.concatenate([linear, squares], axis=1)[:, : len(linear) // COEFFICIENTS_PER_FUNCTION]
+    basis = np.linalg.qr(transformed(functions))[0]
+    own = transformed(np.swapaxes(body.rotation, 1, 2)[:, None] @ np.nan_to_num(body.residual)[..., None])
+    own = own.reshape(len(own), -1)
+    left = np.sum((own - basis @ (basis.T @ own)) ** 2, axis=1)
+    of_bands = band_variances(left[:, None], (1 - np.sum(basis**2, axis=1))[:, None], bands(len(own)))
+    return body.own_variance * of_bands / max(float(np.mean(np.sum(own**2, axis=1))), 1e-300)
 
 
-def _turns(pair: Pair) -> list[tuple[Body, FloatArray]]:
-    """The bodies, each with the covariances (k, 3, 3), rad², of its attitudes by its markers' noise, in its axes."""
+def _turns(pair: Pair) -> list[tuple[FloatArray, FloatArray]]:
+    """The covariances (k, 3, 3), rad², of the attitudes of parent, if there is one, and child, each in its axes, by the
+    markers' own noise, and what each coefficient of that along time (k,) has of it, 1 on average.
+    """
     bodies = [body for body in (pair.parent, pair.child) if body is not None]
-    return [(body, body.attitude_noise(body.own_variance)) for body in bodies]
+    powers = [own_power(pair, body) for body in bodies]
+    means = [float(np.mean(power)) for power in powers]
+    return [
+        (body.attitude_noise(mean), power / max(mean, 1e-300))
+        for body, power, mean in zip(bodies, powers, means, strict=True)
+    ]
 
 
-def relative_noise(pair: Pair, weight: Callable[[Body], float] = lambda _: 1.0) -> FloatArray:
+def relative_noise(pair: Pair, weight: Callable[[FloatArray], float] = lambda _: 1.0) -> FloatArray:
     """The covariances (k, 3, 3), rad², of the child's attitudes against the parent's by the markers' own noise, in the
-    child's axes; `weight` is a factor on that of a body.
+    child's axes; `weight` is a factor on that of a body, of its share in each coefficient along time (k,).
     """
-    *parent, child = [weight(body) * turn for body, turn in _turns(pair)]
+    *parent, child = [weight(share) * turn for turn, share in _turns(pair)]
     R = pair.relative
     for one in parent:
         child = child + np.swapaxes(R, 1, 2) @ one @ R
@@ -149,7 +169,7 @@ def relative_noise(pair: Pair, weight: Callable[[Body], float] = lambda _: 1.0) 
 def _spurious(pair: Pair, in_child: bool, fit: Fit) -> FloatArray:
     """The information on (u, v), (6, 6), that the noise of attitudes seems to give in a fit in either's axes."""
     R = pair.relative
-    child = relative_noise(pair, lambda body: float(np.sum(own_power(body)[fit.kept] / fit.spectrum)))
+    child = relative_noise(pair, lambda share: float(np.sum(share[fit.kept] / fit.spectrum)))
     turn = (R @ child @ np.swapaxes(R, 1, 2) if in_child else child).mean(axis=0)
     own = slice(0, 3) if in_child else slice(3, 6)
     found = np.zeros((6, 6))

@@ -73,6 +73,17 @@ def bands(count: int) -> IntArray:
     return np.array(ends)
 
 
+def band_variances(squares: FloatArray, free: FloatArray, ends: IntArray) -> FloatArray:
+    """Variances (k,) of coefficients along time: of each band, squares (k, c) of residuals over how many of them are
+    free, free (k, c), with one coefficient more, of the variance of the band and its neighbours.
+    """
+    c = squares.shape[1]
+    total = np.add.reduceat(squares.sum(axis=1), ends[:-1])
+    of_bands = np.add.reduceat(np.maximum(free, 0).sum(axis=1), ends[:-1])
+    around = _pooled(total) / np.maximum(_pooled(of_bands), 0.1 * c)
+    return np.repeat((total + c * around) / (of_bands + c), np.diff(ends))
+
+
 def restricted_likelihood(
     design: FloatArray,
     wanted: FloatArray,
@@ -162,16 +173,11 @@ class _Rows:
         return _Reduced(weighted.T @ self.matrix, weighted.T @ self.wanted.ravel(), self.group)
 
     def likelier_spectrum(self, mean: FloatArray, covariance: FloatArray, spectrum: FloatArray) -> FloatArray:
-        """Likelier variances (k,) for a posterior (q,), (q, q) by the present ones: of each band, squares of residuals
-        over how many of them are free, with one coefficient more, of the variance of the band and its neighbours.
-        """
-        shape, c = self.wanted.shape, self.wanted.shape[1]
+        """Likelier variances (k,) for a posterior (q,), (q, q) by the present ones."""
+        shape = self.wanted.shape
         residual = ((self.matrix @ mean).reshape(shape) - self.wanted) ** 2
         leverage = np.sum((self.matrix @ covariance) * self.matrix, axis=1).reshape(shape) / spectrum[:, None]
-        free = np.add.reduceat(np.maximum(1 - leverage, 0).sum(axis=1), self.ends[:-1])
-        squares = np.add.reduceat(residual.sum(axis=1), self.ends[:-1])
-        around = _pooled(squares) / np.maximum(_pooled(free), 0.1 * c)
-        return np.repeat(np.maximum((squares + c * around) / (free + c), self.least), np.diff(self.ends))
+        return np.maximum(band_variances(residual, 1 - leverage, self.ends), self.least)
 
     def likelier_variances(
         self, mean: FloatArray, covariance: FloatArray, variances: FloatArray, least: FloatArray

@@ -36,8 +36,9 @@ def judged(motion: str, noise: str, seed: int, draw: int, method: Method) -> Lin
         return line | {"failure": str(refused), "wall": perf_counter() - begin}
     line["wall"] = perf_counter() - begin
     body = found.pair.child
+    used = np.isin(made.time, found.time)
     back = np.swapaxes(body.rotation, 1, 2)
-    error = found.in_child - np.einsum("kij,kj->ki", back, made.joint - body.place).mean(axis=0)
+    error = found.in_child - np.einsum("kij,kj->ki", back, made.joint[used] - body.place).mean(axis=0)
     claimed = found.covariance[3:, 3:]
     line |= {
         "hinge": found.hinge,
@@ -46,7 +47,7 @@ def judged(motion: str, noise: str, seed: int, draw: int, method: Method) -> Lin
         "nees": float(error @ np.linalg.solve(claimed, error)),
     }
     if found.hinge_axis is not None and motion == "hinge":
-        axis = np.einsum("kij,kj->ki", back, made.axis).mean(axis=0)
+        axis = np.einsum("kij,kj->ki", back, made.axis[used]).mean(axis=0)
         line |= _of_axis(found.hinge_axis.in_child, found.hinge_axis.covariance_in_child, axis)
     return line
 

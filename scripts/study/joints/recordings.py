@@ -12,6 +12,7 @@ FloatArray = NDArray[np.float64]
 
 FRAMES, STEP = 600, 0.02  # s
 SKIN, OWN = 0.003, 0.00075  # m: of a segment's skin per coordinate, and of each marker
+FLABBY = 0.01  # m, of the skin under each marker by itself, as on a thigh (Leardini et al., Gait Posture 21, 2005)
 LASTING, DRIFTING = 0.2, 2.0  # s, for which skin stays to one side
 RINGING, DAMPING = 1.5, 0.1  # Hz, and the share of critical damping
 GAIT = 0.9  # strides a second
@@ -103,6 +104,11 @@ def by_angle(rng: np.random.Generator, motion: Motion) -> FloatArray:
     return np.asarray(angle @ rng.normal(size=(3, 3)) / np.sqrt(np.mean(np.sum(angle**2, axis=1))))
 
 
+def each_by_angle(rng: np.random.Generator, motion: Motion) -> FloatArray:
+    """The same of each marker by itself (n, 4, 3), over SKIN, as large as FLABBY."""
+    return np.stack([FLABBY / SKIN * by_angle(rng, motion) for _ in SHAPE], axis=1)
+
+
 Skin = Callable[[np.random.Generator, Motion], FloatArray]
 NOISES: dict[str, Skin] = {
     "white": lambda rng, _: rng.normal(size=(FRAMES, 3)),
@@ -115,6 +121,7 @@ NOISES: dict[str, Skin] = {
     ),
     "by angle": by_angle,
     "by angle, child": by_angle,
+    "by angle, each marker": each_by_angle,
 }
 ONE_BODY = "by angle, child"  # of which the parent's skin stays
 SLACK = "loose joint"  # of which the joint itself wanders by as much, and skin does not
@@ -136,7 +143,8 @@ def recorded(motion: str, noise: str, seed: int) -> Recording:
     for R, place in ((R_T_P, origin), (R_T_C, joint + np.einsum("kij,kj->ki", R_T_P, loose) - R_T_C @ IN_CHILD)):
         stays = noise == SLACK or (noise == ONE_BODY and R is R_T_P)
         skin = np.zeros((FRAMES, 3)) if stays else SKIN * NOISES[noise](rng, moved)
-        points = place[:, None] + (SHAPE + skin[:, None]) @ np.swapaxes(R, 1, 2)
+        skin = skin.reshape(FRAMES, -1, 3)  # of all markers, or of each
+        points = place[:, None] + (SHAPE + skin) @ np.swapaxes(R, 1, 2)
         bodies.append(points + OWN * rng.normal(size=points.shape))
     return Recording(t, bodies[0], bodies[1], joint, R_T_P[:, :, 1])
 
