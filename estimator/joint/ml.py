@@ -36,19 +36,8 @@ MOST_SQUARES = 8  # functions that are products of angles and rates
 
 def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
     """The centre; told (6, q): the directions of (u, v) of which the motion tells, if by the bodies' noise alone."""
-    design, wanted = pair.equations
-    kept = clear_coefficients(pair)
-    largest = LARGEST_SLIDE * pair.child.radius
-    fits: list[Fit] = []
-    for axes in (pair.parent_pose[0], pair.child.rotation):
-        back = np.swapaxes(axes, 1, 2)
-        bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
-        functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
-        moved = np.einsum("kij,kj->ki", back, wanted)
-        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
-    in_child = bool(fits[1].likelihood > fits[0].likelihood)
-    fit = fits[in_child]
-    spurious = SpuriousInformation.of(_spurious(pair, in_child, fit), len(kept))
+    fit, in_child, _ = likeliest_slide(pair, told)
+    spurious = SpuriousInformation.of(_spurious(pair, in_child, fit), len(fit.kept))
     reach = farthest(pair.child.markers)
     of_told = told @ fit.covariance @ told.T
     free, _ = spurious_information_columns(of_told, np.zeros((6, 0)), spurious, 1 / reach**2)
@@ -62,6 +51,26 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
         directions[:, -1],
         _slide(pair, fit, found),
     )
+
+
+def likeliest_slide(pair: Pair, told: FloatArray) -> tuple[Fit, bool, list[FloatArray]]:
+    """The fit in the axes of parent or child, whichever are likelier; whether they are the child's; and, in T, the
+    groups of functions (n, 3, q) of the motion that the slide may have.
+    """
+    design, wanted = pair.equations
+    kept = clear_coefficients(pair)
+    largest = LARGEST_SLIDE * pair.child.radius
+    fits: list[Fit] = []
+    for axes in (pair.parent_pose[0], pair.child.rotation):
+        back = np.swapaxes(axes, 1, 2)
+        bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
+        functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
+        moved = np.einsum("kij,kj->ki", back, wanted)
+        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
+        if len(fits) == 1 or fits[1].likelihood > fits[0].likelihood:
+            found = [axes @ one for one in functions]
+    in_child = bool(fits[1].likelihood > fits[0].likelihood)
+    return fits[in_child], in_child, found
 
 
 def motion_functions(

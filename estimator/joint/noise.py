@@ -35,7 +35,9 @@ class Fit:
     """Unknowns (p,), their covariance (p, p), and the noise beside them.
 
     kept (k,): which coefficients of the cosine transform are used; spectrum (k,): their variances in a coordinate;
-    locked (n, c): what keeps time with the motion; likelihood: the restricted one's logarithm, up to a constant.
+    locked (n, c): what keeps time with the motion; variances (g,) of the coefficients of each group of functions, over
+    all that the residuals allow where a largest one is given; likelihood: the restricted one's logarithm, up to a
+    constant.
     """
 
     found: FloatArray
@@ -43,6 +45,7 @@ class Fit:
     kept: IntArray
     spectrum: FloatArray
     locked: FloatArray
+    variances: FloatArray
     likelihood: float
 
 
@@ -123,11 +126,13 @@ def restricted_likelihood(
     for k, one in enumerate(functions):
         locked = locked + one @ mean[rows.group == k]
     covariance = covariance[:p, :p]
+    likely = variances.copy()
     if largest is not None:
         for k, ceiling in enumerate(largest**2 / (squares / wanted.size + 1e-300)):
-            covariance = covariance + reduced.growth(variances, k, float(ceiling), p)
+            growth, likely[k] = reduced.over_variance(variances, k, float(ceiling), p)
+            covariance = covariance + growth
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
-    return Fit(mean[:p], wider * covariance, kept, spectrum, locked, likelihood)
+    return Fit(mean[:p], wider * covariance, kept, spectrum, locked, likely, likelihood)
 
 
 def _change(new: FloatArray, old: FloatArray) -> float:
@@ -219,14 +224,14 @@ class _Reduced:
         of_groups = float(np.log(variances[self.group[self.group >= 0]]).sum())
         return 0.5 * (float(mean @ self.rhs) + float(np.linalg.slogdet(covariance)[1]) - of_groups)
 
-    def growth(self, variances: FloatArray, index: int, ceiling: float, p: int) -> FloatArray:
-        """By how much the covariance (p, p) of the unknowns grows as the variance of a group is not known.
+    def over_variance(self, variances: FloatArray, index: int, ceiling: float, p: int) -> tuple[FloatArray, float]:
+        """By how much the covariance (p, p) of the unknowns grows as a group's variance is not known, and its mean.
 
         ceiling: its greatest variance.
         """
         middle, own = self.posterior(variances)
         at_best = self.likelihood(variances, middle, own)
-        found = [(1.0, middle[:p], own[:p, :p])]
+        found = [(1.0, float(variances[index]), middle[:p], own[:p, :p])]
         for ratio in (STEP, 1 / STEP):
             other = variances.copy()
             for _ in range(MOST_STEPS):
@@ -237,11 +242,12 @@ class _Reduced:
                 weight = float(np.exp(min(self.likelihood(other, mean, covariance) - at_best, 0.0)))
                 if weight < LEAST_SHARE:
                     break
-                found.append((weight, mean[:p], covariance[:p, :p]))
-        total = sum(weight for weight, _, _ in found)
-        second = sum(w * (of + np.outer(mean - middle[:p], mean - middle[:p])) for w, mean, of in found) / total
+                found.append((weight, float(other[index]), mean[:p], covariance[:p, :p]))
+        total = sum(weight for weight, *_ in found)
+        second = sum(w * (of + np.outer(mean - middle[:p], mean - middle[:p])) for w, _, mean, of in found) / total
         values, vectors = np.linalg.eigh(second - own[:p, :p])
-        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+        mean_variance = sum(weight * variance for weight, variance, *_ in found) / total
+        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T), mean_variance
 
 
 def _pooled(values: FloatArray) -> FloatArray:

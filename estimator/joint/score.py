@@ -5,7 +5,8 @@ the covariance is that of Newey and West (Econometrica 55, 1987), prewhitened (A
 1992) by a first-order process.
 Noise of the attitudes seems to tell where on a hinge's axis the centre is. That information is taken back (see
 `adjustment.spurious`), as if markers moved each by itself by as much as the joint's residuals are.
-Not covered: noise that keeps time with the motion, and a shift of skin that depends on the joint's angle.
+What keeps time with the motion, as skin that shifts with the joint's angle, looks like a shift of the centre, and
+leaves smaller residuals than it has errors. Its variance is that of `ml`, and what least squares makes of it is added.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from baryscope.estimator.adjustment.autocorrelation import integrated_autocorrel
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.geometry.so3 import squared_cross
 from baryscope.estimator.joint.bodies import Pair
+from baryscope.estimator.joint.ml import likeliest_slide
 from baryscope.estimator.joint.result import Centre, untold
 from baryscope.estimator.tracks import FloatArray
 
@@ -44,6 +46,10 @@ def score(pair: Pair, told: FloatArray) -> Centre:
         meat += (1 - lag / LAGS) * (product + product.T)
     freedom = 3 * independent / max(3 * independent - 6, 1.0)
     covariance = freedom * (inverse @ meat @ inverse + variance * free @ free.T) + untold(told, reach)
+    fit, _, groups = likeliest_slide(pair, told)
+    for variance_of_group, functions in zip(fit.variances, groups, strict=True):
+        shift = inverse @ np.einsum("kij,kiq->jq", design, functions)
+        covariance += variance_of_group * shift @ shift.T
     values, vectors = np.linalg.eigh(normal)
     weakest = vectors[:, 0]
     observable = told.shape[1] == len(values) and values[0] > weakest @ spurious.likely @ weakest

@@ -57,7 +57,8 @@ def find_joint(
         Those of the other. Default: the room.
     method
         ml: maximum likelihood, with slack and skin as noise that lasts, has any rhythm, or keeps time with the motion.
-        score: least squares as published (SCoRE), with a covariance for noise that lasts.
+        score: least squares as published (SCoRE), with a covariance for noise that lasts, and for skin in time with
+            the motion.
     units
         Of the file's lengths. Default: metres, or what the file says.
     report
@@ -137,10 +138,9 @@ def _words(found: Joint, frames: int) -> list[str]:
             f"  the axis in the child: ({_vector(axis.in_child)}), ±{np.rad2deg(axis.deviation):.2g}°; the bodies "
             f"turn across it by {np.rad2deg(axis.residual):.2g}° rms"
         )
-        guess = "the claim has none of it" if found.slide is None else "the claim guesses it from the slide that shows"
         lines.append(
             "  skin that follows the angle looks like a centre elsewhere: 1 mm rms of it, "
-            f"{axis.leverage:.2g} mm across the axis; {guess}"
+            f"{axis.leverage:.2g} mm across the axis; the claim guesses it from the slide that shows"
         )
     lines.append(f"  the child's axes are those of the file at {found.child_axes_time:g} s; its markers in them, below")
     lines.append(

@@ -82,9 +82,9 @@ def test_skin_and_noise_are_told_apart():
 
 
 def test_a_slide_that_depends_on_the_angle_is_claimed():
-    """Skin that moves by a random linear map of the joint's angles shifts the centre itself; the covariance knows.
+    """Skin that moves by a random linear map of the joint's angles shifts the centre itself; both covariances know.
 
-    By SCoRE's the mean of NEES over 20 draws is four times as great, at least; here it is 3 within 4 σ, 2.2.
+    The mean of NEES over 20 draws is 3 within 4 σ, 2.2; SCoRE's was four times that of `ml` without such skin's share.
     """
     nees = []
     for seed in range(20):
@@ -101,9 +101,7 @@ def test_a_slide_that_depends_on_the_angle_is_claimed():
             error = found.in_child - of_the_average_markers(parent, child, centre)
             row.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
         nees.append(row)
-    ml, score = np.mean(nees, axis=0)
-    assert ml < 5.2
-    assert score > 4 * ml
+    assert (np.mean(nees, axis=0) < 5.2).all(), np.mean(nees, axis=0)
 
 
 def test_a_slide_that_depends_on_the_angle_is_claimed_on_a_hinge():

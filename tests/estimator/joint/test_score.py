@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.joint import joint
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.study.joints.judging import judged
 from joints import SHAPE, TIME, TRUTH, recording
 
 
@@ -30,6 +32,18 @@ def test_the_covariance_is_honest(memory):
         error = R @ found.in_child + to_truth.translation[0] - TRUTH
         nees.append(error @ np.linalg.solve(R @ found.covariance[3:, 3:] @ R.T, error))
     assert 2.2 < np.mean(nees) < 4.2, np.mean(nees)
+
+
+@pytest.mark.parametrize("motion", ["circles", "gait", "hinge"])
+@pytest.mark.parametrize("noise", ["in step", "by angle", "by angle, each marker"])
+def test_what_keeps_time_with_the_motion_is_claimed(motion, noise):
+    """It looks like another centre, and leaves residuals that are smaller than the error: seven in ten answers and more
+    had a NEES beyond 16.27, which is one of a thousand. Here at most one of 20 has; of true claims two have in 2e-4.
+    On a hinge the variance of such skin hangs on one or two squares: of F(3, 2) 0.16 are beyond 16.27 / 3, 3 of 20.
+    """
+    allowed = 3 if motion == "hinge" else 1
+    nees = np.array([judged(motion, noise, 1, draw, "score")["nees"] for draw in range(20)])
+    assert np.sum(nees > chi2.ppf(0.999, 3)) <= allowed, nees
 
 
 @pytest.mark.parametrize("sigma", [0.0005, 0.003])
