@@ -7,6 +7,7 @@
 from baryscope.estimator.formats.dataset import dataset_of_tracks, tracks_of_dataset
 from baryscope.estimator.formats.frame import tracks_of
 from baryscope.estimator.formats.read import ENDINGS, read_tracks
+from baryscope.estimator.formats.trc import write_trc
 from baryscope.estimator.formats.units import METRES, Unit
 from baryscope.estimator.formats.write import writable, write_tracks
 
@@ -20,4 +21,5 @@ __all__ = [
     "tracks_of_dataset",
     "writable",
     "write_tracks",
+    "write_trc",
 ]

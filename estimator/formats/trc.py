@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,31 @@ def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
         return FeatureTracks(numbers[:, 1], position, [head[column] for column in at]), unit
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+
+
+def write_trc(tracks: FeatureTracks, name: str, stream: TextIO) -> None:
+    """Write tracks, in m, as TRC of that name, in mm, with empty cells for what is not seen; `read_trc` restores them.
+
+    Raises:
+        InputError: they have covariances or an epoch, or a label a tab or line break, which TRC has no place for.
+    """
+    for what, there in (("covariances", tracks.covariance is not None), ("an epoch", tracks.epoch is not None)):
+        if there:
+            raise InputError(f"{name}: found tracks with {what}, for which TRC has no place")
+    if bad := [label for label in tracks.labels if label != label.strip() or set(label) & set("\t\r\n") or not label]:
+        raise InputError(f"{name}: found the label {bad[0]!r}, expected one without tabs, line breaks and blank ends")
+    frames, m = len(tracks.time), len(tracks.labels)
+    rate = f"{1 / np.median(np.diff(tracks.time)) if frames > 1 else 1.0:.9g}"
+    facts = {"DataRate": rate, "CameraRate": rate, "NumFrames": frames, "NumMarkers": m, "Units": "mm"}
+    facts |= {"OrigDataRate": rate, "OrigDataStartFrame": 1, "OrigNumFrames": frames}
+    rows: list[list[object]] = [["PathFileType", 4, "(X/Y/Z)", name], [*facts], [*facts.values()]]
+    rows.append(["Frame#", "Time", *(cell for label in tracks.labels for cell in (label, "", ""))])
+    rows.append(["", "", *(f"{axis}{index}" for index in range(1, m + 1) for axis in "XYZ")])
+    rows.append([])
+    for index, cells in enumerate((1e3 * tracks.position).reshape(frames, -1).tolist()):
+        told = ("" if np.isnan(value) else f"{value:.15g}" for value in cells)
+        rows.append([index + 1, f"{tracks.time[index]:.15g}", *told])
+    stream.writelines("\t".join(map(str, row)) + "\n" for row in rows)
 
 
 def _refuse_contradictions(facts: Mapping[str, str], frames: int, markers: int, place: str) -> None:

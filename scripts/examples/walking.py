@@ -11,13 +11,14 @@ The cameras add 0.3 mm.
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator import FeatureTracks
+from baryscope.estimator.formats import write_trc
 from baryscope.models.errors import InputError
 from baryscope.models.files import replacing
 
@@ -122,29 +123,12 @@ def _slow(rng: np.random.Generator, shape: tuple[int, ...], seconds: float) -> F
     return np.asarray(lfilter([1], [1, -memory], white, axis=0)[before:])
 
 
-def write_trc(found: Walk, stream: TextIO) -> None:
-    """The markers as a TRC file: millimetres, tabs, labels above each three columns."""
-    n, m = found.markers.shape[:2]
-    facts = {"DataRate": RATE, "CameraRate": RATE, "NumFrames": n, "NumMarkers": m, "Units": "mm"}
-    facts |= {"OrigDataRate": RATE, "OrigDataStartFrame": 1, "OrigNumFrames": n}
-    numbers = (f"{axis}{k + 1}" for k in range(m) for axis in "XYZ")
-    rows = [
-        ["PathFileType", "4", "(X/Y/Z)", "walking.trc"],
-        list(facts),
-        [f"{value:g}" if isinstance(value, float) else str(value) for value in facts.values()],
-        ["Frame#", "Time", *(cell for label in found.labels for cell in (label, "", ""))],
-        ["", "", *numbers],
-        [""],
-    ]
-    for k, (time, points) in enumerate(zip(found.time, found.markers, strict=True)):
-        rows.append([str(k + 1), f"{time:.2f}", *(f"{1000 * value:.1f}" for value in points.ravel())])
-    stream.writelines("\t".join(row) + "\n" for row in rows)
-
-
 def main(path: Path) -> None:
     """Write the trial."""
     with replacing(path) as new, new.open("w", encoding="utf-8", newline="") as stream:
-        write_trc(walk(), stream)
+        found = walk()
+        written = np.round(found.markers, 4)  # to 0.1 mm
+        write_trc(FeatureTracks(found.time, written, found.labels), "walking.trc", stream)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Tracks in other forms: each holds what the CSV file holds, in any unit; what is none is refused in a line."""
 
+import io
+
 import numpy as np
 import pandas
 import polars
@@ -16,7 +18,7 @@ from baryscope.estimator import (
     write_estimate,
     write_tracks,
 )
-from baryscope.estimator.formats import METRES
+from baryscope.estimator.formats import METRES, write_trc
 from baryscope.models.errors import InputError
 from recorded import LABELS, TIME, box_tracks, same
 
@@ -228,6 +230,24 @@ def trc(tracks, unit="mm"):
         *map(row, range(len(tracks.time))),
     ]
     return "\n".join(lines) + "\n"
+
+
+def test_trc_is_written_as_motion_capture_has_it(tracks, precise, tmp_path):
+    """Cell by cell what `trc` writes, numbers to the digits of µm; what the form has no place for is refused."""
+    with (tmp_path / "t.trc").open("w", encoding="utf-8") as stream:
+        write_trc(tracks, "t.trc", stream)
+    same(read_tracks(tmp_path / "t.trc"), tracks)
+    ours, expected = ([line.split("\t") for line in text.splitlines()] for text in (
+        (tmp_path / "t.trc").read_text(encoding="utf-8"), trc(tracks)))  # fmt: skip
+    assert [ours[0], ours[1], ours[3], ours[4], ours[5]] == [expected[k] for k in (0, 1, 3, 4, 5)]
+    for row, other in zip([ours[2], *ours[6:]], [expected[2], *expected[6:]], strict=True):
+        assert [cell if cell in ("", "mm") else pytest.approx(float(cell), abs=1e-3) for cell in row] == [
+            cell if cell in ("", "mm") else float(cell) for cell in other
+        ]
+    with pytest.raises(InputError, match=r"p\.trc: found tracks with covariances, for which TRC has no place"):
+        write_trc(precise, "p.trc", io.StringIO())
+    with pytest.raises(InputError, match=r"l\.trc: found the label 'a\\tb', expected one without tabs"):
+        write_trc(FeatureTracks(TIME[:1], np.zeros((1, 1, 3)), ["a\tb"]), "l.trc", io.StringIO())
 
 
 @pytest.mark.parametrize("unit", ["mm", "m", "cm"])

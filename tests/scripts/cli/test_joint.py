@@ -38,6 +38,22 @@ def test_the_centre_is_written_at_every_time(recorded, capsys):
     assert np.sqrt(np.mean((path - centre) ** 2 / variances)) < 2  # of one centre, which three numbers tell
 
 
+def test_the_centre_is_one_more_marker_for_programs_of_motion_capture(recorded, capsys):
+    """As in the CSV file, in TRC's mm; a hinge's, which is decimetres off along its axis, has no place there."""
+    command = ["--parent", PARENT, "--child", CHILD, "-q", "-o"]
+    assert app.main(["joint", "ball.csv", *command, "hip.trc"]) == 0
+    assert app.main(["joint", "ball.csv", *command, "hip.csv"]) == 0
+    rows = [line.split("\t") for line in (recorded / "hip.trc").read_text(encoding="utf-8").splitlines()]
+    column = rows[3].index("hip")
+    found = np.array([[float(cell) for cell in row[column : column + 3]] for row in rows[6:]])
+    expected = np.loadtxt(recorded / "hip.csv", delimiter=",", skiprows=1)[:, 1:4]
+    np.testing.assert_allclose(found, 1e3 * expected, atol=1e-6)
+    capsys.readouterr()
+    assert app.main(["joint", "hinge.csv", *command, "knee.trc"]) == 1
+    assert "the centre is hardly known along an axis, which TRC cannot tell" in capsys.readouterr().err
+    assert not (recorded / "knee.trc").exists()
+
+
 def test_a_report_of_an_older_result_is_removed(recorded):
     command = ["joint", "ball.csv", "--parent", PARENT, "--child", CHILD, "-o", "centre.csv", "-q"]
     assert app.main(command) == 0
@@ -158,7 +174,8 @@ def test_markers_too_near_to_a_line_are_told(recorded, capsys):
     (["--child", "ca,cb"], "--child: found 2 markers, expected at least 3"),
     (["--child", "ca,cb,cb"], "--child: found 'cb' twice"),
     (["--child", CHILD, "--parent", "ca,pb,pc"], "--parent and --child: found ca in both"),
-    (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv"),
+    (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv or .trc"),
+    (["--child", CHILD, "-o", "ca.trc"], "ca.trc: the recording has a marker ca"),
 ])  # fmt: skip
 def test_wrong_markers_are_one_line(recorded, capsys, arguments, words):
     assert app.main(["joint", "ball.csv", *arguments]) == 2
