@@ -2,12 +2,20 @@
 
 The axis is the null vector of the centre's equations. Its directions' covariance is that of small turns of both sides,
 by the restricted likelihood of the differences across the axis (`noise`), at all frequencies at which the bodies turn.
+Skin that turns a body's markers by k θ where the bodies turn by θ about a makes a + k the axis, and leaves no
+difference across it. What of the markers' own errors follows the motion tells how large such turns are likely to be.
 """
 
 import numpy as np
 
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.ml import angles, clear_coefficients, motion_functions, relative_noise
+from baryscope.estimator.joint.ml import (
+    angles,
+    clear_coefficients,
+    motion_functions,
+    relative_noise,
+    relative_turn_with_motion,
+)
 from baryscope.estimator.joint.noise import restricted_likelihood
 from baryscope.estimator.joint.result import HingeAxis
 from baryscope.estimator.tracks import FloatArray
@@ -33,13 +41,17 @@ def hinge_axis(pair: Pair) -> HingeAxis:
         in_parent, in_child = in_parent + P @ fit.found[:2], in_child + C @ fit.found[2:]
         in_parent, in_child = in_parent / np.linalg.norm(in_parent), in_child / np.linalg.norm(in_child)
     noise = float(in_child @ relative_noise(pair).mean(axis=0) @ in_child)  # which also looks like a turn
+    turned = float(np.sqrt(max(np.var(angles(R) @ in_child) - noise, 0.0)))
+    by_skin = relative_turn_with_motion(pair).mean(axis=0)  # of k θ, which is as long as θ at most
+    of_skin = by_skin / max(turned**2, float(np.linalg.eigvalsh(by_skin)[2]), 1e-300)
+    in_parents = mean @ of_skin @ mean.T
     return HingeAxis(
         in_parent=in_parent,
         in_child=in_child,
-        covariance_in_parent=P @ fit.covariance[:2, :2] @ P.T,
-        covariance_in_child=C @ fit.covariance[2:, 2:] @ C.T,
+        covariance_in_parent=P @ (fit.covariance[:2, :2] + P.T @ in_parents @ P) @ P.T,
+        covariance_in_child=C @ (fit.covariance[2:, 2:] + C.T @ of_skin @ C) @ C.T,
         residual=float(np.sqrt(np.mean(((R @ in_child - in_parent) @ P) ** 2))),
-        turned=float(np.sqrt(max(np.var(angles(R) @ in_child) - noise, 0.0))),
+        turned=turned,
     )
 
 

@@ -168,7 +168,19 @@ def relative_noise(pair: Pair, weight: Callable[[FloatArray], float] = lambda _:
     """The covariances (k, 3, 3), rad², of the child's attitudes against the parent's by the markers' own noise, in the
     child's axes; `weight` is a factor on that of a body, of its share in each coefficient along time (k,).
     """
-    *parent, child = [weight(share) * turn for turn, share in _turns(pair)]
+    return _of_child(pair, [weight(share) * turn for turn, share in _turns(pair)])
+
+
+def relative_turn_with_motion(pair: Pair) -> FloatArray:
+    """The same by what of the markers' own errors is a function of the motion."""
+    bodies = [body for body in (pair.parent, pair.child) if body is not None]
+    locked = [max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0) for body in bodies]
+    return _of_child(pair, [body.attitude_noise(one) for body, one in zip(bodies, locked, strict=True)])
+
+
+def _of_child(pair: Pair, turns: list[FloatArray]) -> FloatArray:
+    """The covariances (k, 3, 3) of the child's attitudes against the parent's, of those of either in its axes."""
+    *parent, child = turns
     R = pair.relative
     for one in parent:
         child = child + np.swapaxes(R, 1, 2) @ one @ R
