@@ -91,11 +91,12 @@ def _extrapolated(result: Estimate, tracks: FeatureTracks) -> tuple[Extrapolated
     begin, end = result.time[seen[[0, -1]]]
     if any(_contradicted(result, tracks, side) for side in (result.time < begin, result.time > end)):
         return (Extrapolated(float(begin), float(end), contradicted=True),)
-    told = result.observability is not None and result.observability.observable.all()
     lawful = result.path != SMOOTH and not any(isinstance(one, Departure | UnknownBurn) for one in result.findings)
-    if lawful or not told:
+    if lawful or result.observability is None:
         return ()
-    variance = np.trace(result.covariance, axis1=1, axis2=2) + _of_burns_beyond(result, float(begin), float(end))
+    told = int(result.observability.observable.sum())
+    variance = np.linalg.eigvalsh(result.covariance)[:, :told].sum(axis=1)
+    variance = variance + _of_burns_beyond(result, float(begin), float(end))
     if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
         return ()
     return (Extrapolated(float(begin), float(end)),)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn, UnknownPush
@@ -80,6 +81,18 @@ def test_a_curved_path_far_beyond_its_frames_is_announced(method):
     assert found.status is Status.GOOD
     error = found.position[0] - com[0]
     assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
+
+
+def test_a_curved_path_of_a_pure_spin_is_announced_across_the_axis():
+    """Along the axis nothing is known anywhere; across it the path is known in view, and hardly beyond."""
+    com, smooth = of_orbit(), PathOptions(trajectory="polynomial")
+    spinning = Rotation.from_rotvec(np.deg2rad(3.0) * TIME[:, None] * np.array([0.0, 0.6, 0.8])).as_matrix()
+    for seen, announced in ((SEEN, 1), ((0.0, 6000.0), 0)):
+        clusters = [(*seen, list(range(8)))]
+        case = make_case(TIME, spinning, com, box_features(8, (10, 4, 4), 1), noise=0.02, clusters=clusters, seed=3)
+        found, told = findings(case.tracks, options=smooth)
+        assert len(told) == announced
+        assert found.observability.observable.tolist() == [True, True, False]
 
 
 def test_a_path_in_view_or_of_a_model_is_not():
