@@ -13,27 +13,42 @@ static void changed_likeliest(const Online *filter, const Measurement *measureme
     go_to_node(&filter->options, member, measurement);
 }
 
+/* The density of white acceleration since the node before that explains where the likeliest member, which has seen the change, does not
+   expect a node; 0 where it may. */
+static double jump_at(const Member *likely, const Measurement *measurement) {
+    double e[3], L[9], B[3][ERRORS], span = measurement->span;
+    if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return 0.0;
+    double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
+    whitened(L, e);
+    return dot(e, e) > GATE ? square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag)) : 0.0;
+}
+
+/* The likeliest member of a bank, `best`, as it is given, jumps by an acceleration of a density: in place of the least likely of those that have
+   jumped. Returns its number. */
+static int add_jump(PackedMember bank[MEMBERS], int best, const Member *likely, double density, double span) {
+    int found = -1;
+    for (int m = STEADY; m < MEMBERS; m++)
+        if (m != best && (found < 0 || bank[m].weight < bank[found].weight)) found = m;
+    Member from = *likely;
+    add_noise(density, span, &from.P[0][0], ERRORS);
+    from.weight += JUMP;
+    pack_member(&from, &bank[found]);
+    return found;
+}
+
 /* The member that jumps at a node, or -1, by the likeliest one, which has seen the change, as
    has that which jumps; *jump is the density of its acceleration. */
 static int jumped(Online *filter, const Member *likely, const Measurement *measurement, double *jump) {
-    double e[3], L[9], B[3][ERRORS], span = measurement->span;
-    int best = likeliest(filter->bank), found = -1;
-    if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return -1;
-    double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
-    whitened(L, e);
-    if (!(dot(e, e) > GATE)) return -1;
-    for (int m = STEADY; m < MEMBERS; m++)
-        if (m != best && (found < 0 || filter->bank[m].weight < filter->bank[found].weight)) found = m;
+    const int best = likeliest(filter->bank);
+    const double density = jump_at(likely, measurement);
+    if (density == 0.0) return -1;
+    const int found = add_jump(filter->bank, best, likely, density, measurement->span);
     Jump *to = &filter->jump[found - STEADY];
     if (best >= STEADY) *to = filter->jump[best - STEADY];
     else *to = (Jump){0};
     for (int m = 0; m < STEADY && best < STEADY; m++) to->before[m] = filter->bank[m].weight;
-    *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
-    Member from = *likely;
-    add_noise(*jump, span, &from.P[0][0], ERRORS);
-    from.weight += JUMP;
-    pack_member(&from, &filter->bank[found]);
     to->parent = best;
+    *jump = density;
     return found;
 }
 

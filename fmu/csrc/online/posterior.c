@@ -1,15 +1,14 @@
 /* The posterior: what is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
 
-/* What the open node says; 0 where it is not to be taken. A node with a jump, against the
-   likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
-static int open_node(const Online *filter, const PackedMember *likely, Measurement *measurement) {
+/* What the open node says, `since` being what has moved the path since the covariances; 0 where it is not to be taken: one that is not far
+   beyond its noise would seem to show too much. */
+static int open_node(const Online *filter, double since, Measurement *measurement) {
     Frame frame;
     Pose pose;
     Sweep sweep;
     OnlineTumble tumble;
     PredictedAttitude predicted = {.variance = INFINITY};
-    Member best;
-    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[3][ERRORS], beyond;
+    double share[MOST_FEATURES][OF_MAP][3], common[3][3], beyond;
     if (!(turned_by(filter, predicted.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, predicted.R, &frame, &sweep);
@@ -20,16 +19,20 @@ static int open_node(const Online *filter, const PackedMember *likely, Measureme
     common_noise(filter, &frame, &pose, measurement, common);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) measurement->noise[a][b] += common[a][b];
+    measurement->span = filter->span + since;
     find_seeming(pose.R, measurement);
-    unpack_member(likely, &best);
-    if (!innovation(&best, measurement, e, L, B)) return 0;
-    whitened(L, e);
-    return !(dot(e, e) > GATE);
+    return 1;
 }
 
-/* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
+/* The bank takes what a node says, with a jump where it has to; 0 where rounding has left a covariance indefinite, and the bank is none. */
 static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double widest) {
-    Member member;
+    const int best = likeliest(bank);
+    Member member, changed;
+    unpack_member(&bank[best], &member);
+    changed = member;
+    add_change(&changed, measurement);
+    const double density = jump_at(&changed, measurement);
+    if (density > 0.0) add_jump(bank, best, &member, density, measurement->span);
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
         unpack_member(&bank[m], &member);
@@ -103,7 +106,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     Member large = large_at(filter, filter->from);
     propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
-    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement);
+    int taken = filter->node.count > 0.0 && open_node(filter, transition.span, &measurement);
     if (taken && !take_measurement(bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
