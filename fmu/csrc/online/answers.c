@@ -23,6 +23,11 @@ static int is_bent(const Online *filter) {
     return filter->frames_per_error <= 1.0 && filter->trend > TREND * sqrt(filter->terms);
 }
 
+/* Whether the path surely needs more process noise than the largest density: as long as that is the likeliest, innovations are larger than it expects. */
+static int is_too_noisy(const Online *filter) {
+    return filter->bank[DENSITIES - 1].weight == 0.0 && filter->excess > TREND * sqrt(6.0 * filter->noisiest);
+}
+
 /* What a path of the covariance P is worth, whether the last frame fits or not. */
 static OnlineStatus worth_of(const Online *filter, const Posterior *posterior, double P[6][6]) {
     double square = mean_square(filter->b, (int)filter->used), L[36];
@@ -30,7 +35,7 @@ static OnlineStatus worth_of(const Online *filter, const Posterior *posterior, d
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
     if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
     if (filter->stored_count >= 0.0 && filter->stored_count < FEWEST) return STARTING;
-    if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
+    if (noise_ratio(filter) > UNLIKE || is_too_noisy(filter)) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
     return posterior->seems < 1.0 ? TRACKING : STARTING;
 }

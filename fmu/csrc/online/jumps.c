@@ -131,12 +131,15 @@ static int update_members(Online *filter, const Member *likely, const Measuremen
 }
 
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
-   What they had before it was known that the path bends is forgotten then. */
-static void note_trend(Online *filter, const Member *likely, const Measurement *measurement) {
+   What they had before it was known that the path bends is forgotten then. And how large they are since that one has the largest density: larger
+   than it expects where that is too small. */
+static void note_innovation(Online *filter, const Member *likely, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS];
     const int bent = process_noise_of((int)likely->steady).bend > 0.0;
     if (!innovation(likely, measurement, e, L, B)) return;
     whitened(L, e);
+    if (likeliest(filter->bank) == DENSITIES - 1) filter->excess += dot(e, e) - 3.0, filter->noisiest += 1.0;
+    else filter->excess = filter->noisiest = 0.0;
     if (dot(e, e) > GATE) return;
     if (bent > filter->likely) filter->trend = filter->terms = 0.0;
     filter->likely = bent;
@@ -151,7 +154,7 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     double jump = 0.0;
     Member likely, shadow;
     changed_likeliest(filter, measurement, &likely);
-    note_trend(filter, &likely, measurement);
+    note_innovation(filter, &likely, measurement);
     update_curve(filter, &likely, measurement);
     int sound, parent = likeliest(filter->bank);
     int fresh = update_members(filter, &likely, measurement, filter->curve, &jump, &sound);

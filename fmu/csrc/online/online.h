@@ -265,6 +265,7 @@ typedef struct {
     PackedMember first;        /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     double likely; /* errors of the member that it is of */
+    double excess, noisiest; /* squares of whitened innovations less their mean, in how many nodes in a row the largest density has been likeliest */
     StoredNode stored[STORED_NODES];
     Tumble tumble;
     double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
