@@ -160,20 +160,22 @@ static double offset_variance(const PackedMember *member) {
 
 static int is_bending(const PackedMember *member) { return process_noise_of((int)member->steady).bend > 0.0; }
 
-/* A member that goes on with a process noise from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
-   which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
-static PackedMember going_on(const PackedMember *from, int steady) {
-    PackedMember member = *from;
-    double bend = process_noise_of(steady).bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
-    if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : PATH_AND_MAP;
-    member.steady = steady;
-    if ((bend > 0.0) == is_bending(from) && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
-    for (int a = PATH_AND_MAP; a < MOTION; a++) {
-        member.x[a] = 0.0;
-        for (int b = 0; b < ERRORS; b++) member.P[packed_index(a, b)] = 0.0;
-        member.P[packed_index(a, a)] = bend * bend;
+/* A member, `to`, goes on with a process noise from where another one is, which it may be: of an acceleration it knows what that one does, or nothing
+   yet. One of which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
+static void go_on(const PackedMember *from, int steady, PackedMember *to) {
+    const double bend = process_noise_of(steady).bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
+    const int fresh = (bend > 0.0) != is_bending(from) || (bend > 0.0 && square > 9.0 * bend * bend);
+    const int known = packed_count(from->errors), before = packed_count(to->errors);
+    for (int a = 0; a < ERRORS; a++) to->x[a] = from->x[a];
+    for (int k = 0; k < known; k++) to->P[k] = from->P[k];
+    for (int k = known; k < before; k++) to->P[k] = 0.0;
+    to->errors = from->errors == ERRORS ? ERRORS : bend > 0.0 ? MOTION : PATH_AND_MAP;
+    to->weight = from->weight, to->steady = steady;
+    for (int a = PATH_AND_MAP; a < MOTION && fresh; a++) {
+        to->x[a] = 0.0;
+        for (int b = 0; b < ERRORS; b++) to->P[packed_index(a, b)] = 0.0;
+        to->P[packed_index(a, a)] = bend * bend;
     }
-    return member;
 }
 
 /* How many members without a jump there are. */
@@ -204,11 +206,11 @@ static Member large_at(const Online *filter, const double x[6]) {
 /* All members as the large filter is, with the weights that they have; none has jumped. */
 static void start_bank(Online *filter) {
     const Member large = large_at(filter, filter->x);
-    PackedMember first;
+    PackedMember first = {0};
     pack_member(&large, &first);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
-        filter->bank[m] = going_on(&first, m < STEADY ? kind_of(filter, m) : 0);
+        go_on(&first, m < STEADY ? kind_of(filter, m) : 0, &filter->bank[m]);
         filter->bank[m].weight = weight;
     }
     filter->bank[SHADOW] = first;
@@ -239,9 +241,12 @@ static void know_scale_of_map(Online *filter) {
         if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], variance);
 }
 
-static int likeliest(const PackedMember bank[MEMBERS]) {
-    int best = 0;
-    for (int m = 1; m < MEMBERS; m++)
+/* The likeliest of the members from `begin` to `end`. */
+static int likeliest_of(const PackedMember bank[MEMBERS], int begin, int end) {
+    int best = begin;
+    for (int m = begin + 1; m < end; m++)
         if (bank[m].weight > bank[best].weight) best = m;
     return best;
 }
+
+static int likeliest(const PackedMember bank[MEMBERS]) { return likeliest_of(bank, 0, MEMBERS); }

@@ -61,13 +61,13 @@ static void follow_curve(Curve curve, const double change[OF_THRUST], Member *me
             for (int k = 0; k < OF_THRUST; k++) member->P[a][b] += of_thrust[k][a] * slopes[k][b];
 }
 
-/* The update with a node, along a curve, or NULL; 0 if rounding has left the covariance indefinite. */
-static int update_on_curve(Member *member, const Measurement *measurement, Curve curve) {
+/* The update with a node, along a curve, or NULL; else as `update_member`. */
+static int update_on_curve(Member *member, const Measurement *measurement, Curve curve, double least) {
     double change[OF_THRUST];
     for (int k = 0; k < OF_THRUST; k++) change[k] = -member->x[THRUST + k];
-    const int sound = update_member(member, measurement);
+    const int sound = update_member(member, measurement, least);
     for (int k = 0; k < OF_THRUST; k++) change[k] += member->x[THRUST + k];
-    if (sound && curve && member->errors > MOTION) follow_curve(curve, change, member);
+    if (sound && curve && member->errors > MOTION && !(member->weight < least)) follow_curve(curve, change, member);
     return sound;
 }
 

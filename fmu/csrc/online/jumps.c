@@ -62,24 +62,31 @@ static void adopt(Online *filter) {
     const int steady = member_of(filter, (int)from.steady);
     for (int m = 0; m < count_of(filter); m++) {
         if (filter->bank[m].weight > from.weight + JUMP) continue;
-        filter->bank[m] = going_on(&from, kind_of(filter, m));
+        go_on(&from, kind_of(filter, m), &filter->bank[m]);
         filter->bank[m].weight = from.weight + fmax(before[m] - before[steady], UNLIKELY);
         if (m == steady) filter->bank[best].weight = -INFINITY;
     }
+}
+
+/* The end of the members without a jump that are of a kind with the one at `begin`, where they begin: densities, bends, thrusters that change, or errors
+   of each push; else that of all members. */
+static int end_of_kind(const Online *filter, int begin) {
+    const int bent = filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY, ends[] = {DENSITIES, bent, bent + WANDERS, bent + WANDERS + EXECUTIONS};
+    for (int k = 0; k < 4 && ends[k] <= count_of(filter); k++)
+        if (begin < ends[k]) return ends[k];
+    return MEMBERS;
 }
 
 /* Of the members from `begin` to `end`, without a jump: one far less likely than the best of them goes on from that, so that no
    evidence is older than it has to be; nor are all of them against the rest of the bank. */
 static void refresh(Online *filter, int begin, int end, double highest) {
     PackedMember *bank = filter->bank;
-    int best = begin;
-    for (int m = begin; m < end; m++)
-        if (bank[m].weight > bank[best].weight) best = m;
-    const PackedMember first = bank[best];
-    double lift = fmax(highest + UNLIKELY - first.weight, 0.0);
+    const PackedMember *first = &bank[likeliest_of(bank, begin, end)];
+    const double least = first->weight + UNLIKELY;
+    const double lift = fmax(highest + UNLIKELY - first->weight, 0.0);
     for (int m = begin; m < end; m++) {
-        double weight = fmax(bank[m].weight, first.weight + UNLIKELY);
-        if (weight > bank[m].weight) bank[m] = going_on(&first, kind_of(filter, m));
+        double weight = fmax(bank[m].weight, least);
+        if (weight > bank[m].weight) go_on(first, kind_of(filter, m), &bank[m]);
         bank[m].weight = weight + lift;
     }
 }
@@ -88,13 +95,7 @@ static void refresh(Online *filter, int begin, int end, double highest) {
    than the best ends. */
 static void weigh_members(Online *filter) {
     double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0;
-    const int count = count_of(filter), bent = filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY;
-    refresh(filter, 0, DENSITIES, highest);
-    refresh(filter, DENSITIES, bent, highest);
-    if (count > bent) {
-        refresh(filter, bent, bent + WANDERS, highest);
-        refresh(filter, bent + WANDERS, count, highest);
-    }
+    for (int begin = 0, end; begin < count_of(filter); begin = end) refresh(filter, begin, end = end_of_kind(filter, begin), highest);
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
@@ -107,25 +108,51 @@ static void weigh_members(Online *filter) {
 }
 
 /* A member takes a node, along a curve, or NULL, and what that only seems to show is taken back; 0 where rounding has left the
-   covariance indefinite. */
-static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest) {
-    const int sound = update_on_curve(member, measurement, curve);
-    take_back_of_member(member, measurement->seems_spread, widest);
+   covariance indefinite. Of one that becomes less likely than `least`, only how likely. */
+static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest, double least) {
+    const int sound = update_on_curve(member, measurement, curve, least);
+    if (!(member->weight < least)) take_back_of_member(member, measurement->seems_spread, widest);
+    return sound;
+}
+
+/* Whether a member is where the likeliest of its kind is, but for its process noise: that was far likelier at the node before (`refresh`). */
+static int is_as(const PackedMember *first, const PackedMember *member) {
+    return fabs(member->weight - first->weight - UNLIKELY) < 1e-9 && !is_bending(member);
+}
+
+/* A node updates the members from `begin` to `end`, of a kind: the likeliest comes first, as what is far less likely than that goes on from the best
+   one anyway. `fresh` jumps there. 0 where rounding has left a covariance indefinite. */
+static int update_kind(Online *filter, int begin, int end, int fresh, const Measurement *measurement, Curve curve) {
+    PackedMember *bank = filter->bank;
+    const int first = likeliest_of(bank, begin, end), jumps = begin >= count_of(filter);
+    int as_first[MEMBERS], sound = 1;
+    double least = -INFINITY;
+    Member member, moved;
+    for (int m = begin; m < end; m++) as_first[m] = !jumps && is_as(&bank[first], &bank[m]);
+    for (int k = begin - 1; k < end; k++) {
+        const int m = k < begin ? first : k;
+        if (k == first || !is_alive(&bank[m])) continue;
+        if (as_first[m]) member = moved, member.weight = bank[m].weight, member.steady = bank[m].steady;
+        else unpack_member(&bank[m], &member);
+        if (m != fresh && !as_first[m]) move_to_node(&member, measurement);
+        if (k < begin && !jumps) moved = member;
+        if (m != fresh) add_noise_since(&filter->options, &member, measurement);
+        sound = take_node(&member, measurement, curve, filter->widest, least) && sound;
+        if (member.weight < least) bank[m].weight = member.weight;
+        else pack_member(&member, &bank[m]);
+        if (k < begin && !jumps) least = member.weight + UNLIKELY;
+    }
     return sound;
 }
 
 /* A node updates all members but the shadow; likely: the likeliest, which has seen the change. Returns the one that jumps there, or -1;
    0 in *sound where rounding has left a covariance indefinite. */
 static int update_members(Online *filter, const Member *likely, const Measurement *measurement, Curve curve, double *jump, int *sound) {
-    int fresh = jumped(filter, likely, measurement, jump);
+    const int fresh = jumped(filter, likely, measurement, jump);
     *sound = 1;
-    Member member;
-    for (int m = 0; m < MEMBERS; m++) {
-        if (!is_alive(&filter->bank[m])) continue;
-        unpack_member(&filter->bank[m], &member);
-        if (m != fresh) go_to_node(&filter->options, &member, measurement);
-        *sound = take_node(&member, measurement, curve, filter->widest) && *sound;
-        pack_member(&member, &filter->bank[m]);
+    for (int begin = 0, end; begin < MEMBERS; begin = end) {
+        end = end_of_kind(filter, begin);
+        *sound = update_kind(filter, begin, end, fresh, measurement, curve) && *sound;
     }
     return fresh;
 }
@@ -172,7 +199,7 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     add_change(&shadow, measurement);
     add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS);
     add_thrust_of_node(filter, measurement, of_shadow.noise);
-    sound = update_member(&shadow, &of_shadow) && sound;
+    sound = update_member(&shadow, &of_shadow, -INFINITY) && sound;
     shadow.weight = 0.0;
     pack_member(&shadow, &filter->bank[SHADOW]);
     if (!sound) start_bank(filter), *late = 0;

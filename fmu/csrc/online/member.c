@@ -42,8 +42,8 @@ static ALWAYS_INLINE void spread_member(int n, int bent, const Transition *trans
     }
 }
 
-/* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
-static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
+/* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. Without process noise. */
+static void transit(Member *member, const Transition *transition) {
     const double T = transition->span;
     const int bent = bends(member);
     double x[6];
@@ -57,10 +57,20 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     else if (member->errors > MOTION) spread_member(ERRORS, 0, transition, member->P);
     else if (bent) spread_member(MOTION, 1, transition, member->P);
     else spread_member(PATH_AND_MAP, 0, transition, member->P);
+}
+
+/* What process noise adds in a transition. */
+static void add_process_noise(Member *member, ProcessNoise noise, const Transition *transition) {
+    const double T = transition->span;
     add_noise(noise.white, T, &member->P[0][0], ERRORS);
     if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
     for (int k = THRUST; k < (int)member->errors; k++) member->P[k][k] += noise.wander * T;
     if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, member->P);
+}
+
+static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
+    transit(member, transition);
+    add_process_noise(member, noise, transition);
 }
 
 /* The process noise of a member. */
@@ -119,10 +129,20 @@ static void add_change(Member *member, const Measurement *measurement) {
         for (int a = 0; a < OF_MAP; a++) member->P[j][OFFSET + a] = of_map[a][j];
 }
 
-/* A member goes on to a node, unless it has, and what it sees there is of other features than at the one before. */
-static void go_to_node(const OnlineOptions *options, Member *member, const Measurement *measurement) {
-    if (measurement->since) advance_member(member, noise_of(options, member), measurement->since);
+/* A member goes on to a node, unless it has, and what it sees there is of other features than at the one before; without process noise. */
+static void move_to_node(Member *member, const Measurement *measurement) {
+    if (measurement->since) transit(member, measurement->since);
     add_change(member, measurement);
+}
+
+/* The process noise since the node before, unless a member has gone on. */
+static void add_noise_since(const OnlineOptions *options, Member *member, const Measurement *measurement) {
+    if (measurement->since) add_process_noise(member, noise_of(options, member), measurement->since);
+}
+
+static void go_to_node(const OnlineOptions *options, Member *member, const Measurement *measurement) {
+    move_to_node(member, measurement);
+    add_noise_since(options, member, measurement);
 }
 
 /* What n errors are with a coordinate of what a node says, which goes with (r, v, offset, scale) by `by`, and with an acceleration, if the
@@ -182,13 +202,14 @@ static void add_products(Member *member, const double B[3][ERRORS], const double
     if (member->errors > MOTION) add_to_rows(THRUST, ERRORS, ERRORS, B, C, member->P);
 }
 
-/* The update with a node; 0 if rounding has left the covariance indefinite. */
-static int update_member(Member *member, const Measurement *measurement) {
+/* The update with a node; 0 if rounding has left the covariance indefinite. Of a member that becomes less likely than `least`, only how likely. */
+static int update_member(Member *member, const Measurement *measurement, double least) {
     const int n = member->errors > MOTION ? ERRORS : bends(member) ? MOTION : PATH_AND_MAP;
     double e[3], L[9], B[3][ERRORS], less[3][ERRORS], more[ERRORS];
     if (!innovation(member, measurement, e, L, B)) return 0;
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
+    if (member->weight < least) return 1;
     whiten_rows(L, n, ERRORS, B[0]);
     for (int a = 0; a < n; a++) {
         for (int k = 0; k < 3; k++) less[k][a] = -B[k][a];

@@ -37,17 +37,17 @@ static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measu
         if (!is_alive(&bank[m])) continue;
         unpack_member(&bank[m], &member);
         add_change(&member, measurement);
-        if (!take_node(&member, measurement, curve, widest)) return 0;
+        if (!take_node(&member, measurement, curve, widest, -INFINITY)) return 0;
         pack_member(&member, &bank[m]);
     }
     return 1;
 }
 
-/* The bank at the filter's time: the members that there are; others only are none. */
+/* The bank at the filter's time: the members that there are; others only are none, and leave nothing to one that is packed there. */
 static void propagated_bank(const Online *filter, const Transition *transition, PackedMember bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
-        else bank[m].weight = -INFINITY;
+        else bank[m].errors = ERRORS, bank[m].weight = -INFINITY;
     if (transition->span > 0.0) advance_bank(filter, transition, bank);
 }
 

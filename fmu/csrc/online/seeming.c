@@ -39,14 +39,21 @@ static void take_back(Online *filter, const double spread[3][3]) {
         for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
 }
 
-static void take_back_of_member(Member *member, const double spread[3][3], double widest) {
+static ALWAYS_INLINE void take_back_of(int n, Member *member, const double spread[3][3], double widest) {
     double P[3][3], less[3][3], G[3][ERRORS], MG[3][ERRORS];
     for (int a = 0; a < 3; a++) {
-        for (int j = 0; j < ERRORS; j++) G[a][j] = j < PATH_AND_MAP ? member->P[OFFSET + a][j] : j < (int)member->errors ? member->P[j][OFFSET + a] : 0.0;
+        for (int j = 0; j < PATH_AND_MAP; j++) G[a][j] = member->P[OFFSET + a][j];
+        for (int j = PATH_AND_MAP; j < n; j++) G[a][j] = member->P[j][OFFSET + a];
         for (int b = 0; b < 3; b++) P[a][b] = G[a][OFFSET + b];
     }
     damped(P, spread, widest, less);
     for (int a = 0; a < 3; a++)
-        for (int j = 0; j < ERRORS; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
+        for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     add_products(member, G, MG);
+}
+
+static void take_back_of_member(Member *member, const double spread[3][3], double widest) {
+    if (member->errors > MOTION) take_back_of(ERRORS, member, spread, widest);
+    else if (bends(member)) take_back_of(MOTION, member, spread, widest);
+    else take_back_of(PATH_AND_MAP, member, spread, widest);
 }

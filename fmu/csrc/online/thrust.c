@@ -12,6 +12,9 @@ filter learns sizes from what it sees of the features alone. */
 /* Where the covariance of two errors is kept. */
 static int packed_index(int a, int b) { return a < b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
 
+/* How many covariances a member of so many errors has. */
+static int packed_count(double errors) { return (int)errors * ((int)errors + 1) / 2; }
+
 static double packed(const PackedMember *member, int a, int b) { return member->P[packed_index(a, b)]; }
 
 /* A member, to work with it; of its covariance what is beyond MOTION only where it has such errors. */
@@ -24,14 +27,16 @@ static void unpack_member(const PackedMember *from, Member *member) {
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = row[b];
 }
 
+/* To where another one is kept: of the covariance what is beyond its errors is 0. */
 static void pack_member(const Member *member, PackedMember *to) {
     const int n = (int)member->errors;
+    const double *end = to->P + packed_count(to->errors);
     double *row = to->P;
     to->errors = n, to->weight = member->weight, to->steady = member->steady;
     for (int a = 0; a < ERRORS; a++) to->x[a] = a < n ? member->x[a] : 0.0;
     for (int a = 0; a < n; row += ++a)
         for (int b = 0; b <= a; b++) row[b] = member->P[a][b];
-    while (row < to->P + PAIRS) *row++ = 0.0;
+    for (; row < end; row++) *row = 0.0;
 }
 
 static int is_manoeuvre(const Manoeuvre *manoeuvre) {

@@ -22,7 +22,7 @@ static void heed_thrust(Online *filter) {
     }
     const PackedMember best = filter->bank[likeliest(filter->bank)];
     for (int m = ON_ORBIT; m < count_of(filter) && filter->options.on_orbit != 0.0; m++) {
-        filter->bank[m] = going_on(&best, kind_of(filter, m));
+        go_on(&best, kind_of(filter, m), &filter->bank[m]);
         filter->bank[m].weight = best.weight + WANDER_ODDS;
     }
 }
