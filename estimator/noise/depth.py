@@ -14,7 +14,8 @@ which depths are no part. Nor is what is above true where depths are so noisy th
 of the deviation ε = ρ √k / d for a distance d: the cosine is that of noise then, and ρ too small. The second order of
 the distance adds ρ² ε² / 2 to its variance over k. Where distances do not tell, or only in that way, the features' own
 places do, if the frames follow one another so closely that a cubic polynomial is what moves in five of them: what is
-left, a fourth divided difference, is noise.
+left, a fourth divided difference, is noise. If they do not, such a ρ is the least that it may be, and tells nothing
+below 1.
 
 Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
 is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
@@ -92,8 +93,11 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
     if found is not None and found.tells:
         return found.shown
     differences = _Lengths.of_differences(tracks, right)
-    own = None if differences is None else _Ratio.of(differences, blocks).shown
-    return own if own is not None or found is None else found.shown
+    own = None if differences is None else _Ratio.of(differences, blocks)
+    if own is not None and (own.tells or own.shown is not None):
+        return own.shown
+    # Where depths turn connections, distances tell the least that ρ may be.
+    return found.shown if found is not None and found.shown is not None and found.shown.ratio > 1 else None
 
 
 def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
@@ -190,9 +194,11 @@ class _Lengths:
         shown = np.where(known[:, None, :, None], tracks.position[:, few][rows], 0.0)
         off = np.einsum("nw,nwmi,nmai->nma", windows.factor, shown, axes, optimize=True)
         both = windows.follow[:, None] & known[:-1] & known[1:]
-        products, squares = (np.sum(off[:-1][both] * one[both]) for one in (off[1:], off[:-1]))
+        products, squares = (np.sum(off[:-1][both] * one[both], axis=0) for one in (off[1:], off[:-1]))
         distance = float(away[known].mean())
-        if not products < NOISE * squares or np.sqrt(squares / both.sum()) <= ROUNDING * distance:
+        # Where depths are noise, what moves across the line of sight may yet be no noise.
+        noise = all(products[own].sum() < NOISE * squares[own].sum() for own in (slice(0, 1), slice(1, 3)))
+        if not noise or np.sqrt(squares.sum() / both.sum()) <= ROUNDING * distance:
             return None
         whole, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
         if tracks.covariance is not None:

@@ -219,6 +219,20 @@ def test_a_ratio_that_is_told_rightly_is_left_as_it_is(seed, ratio):
     assert depth_ratio(tracks, tracks.seen) is None
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2, 5])
+@pytest.mark.parametrize(("ratio", "across"), [(60.0, 0.002), (40.0, 0.004)])
+def test_told_depths_that_turn_connections_are_left_as_they_are(seed, ratio, across):
+    """Distances show a third of them, which is not theirs; the places deny it, or, in every tenth frame, tell nothing.
+
+    The covariances are those that the noise is drawn of; beyond 3.5 standard deviations is 1 in 2000.
+    """
+    tracks = seen_by_a_rig(seed, ratio, across, told=ratio)
+    assert depth_ratio(tracks, tracks.seen) is None
+    rows = slice(None, None, 10)
+    few = FeatureTracks(tracks.time[rows], tracks.position[rows], tracks.labels, tracks.covariance[rows])
+    assert depth_ratio(few, few.seen) is None
+
+
 @pytest.mark.parametrize("factor", [0.1, 3.0])
 def test_covariances_of_any_axes_stay_covariances(factor):
     """Those of a wide rig seen from its side have no axis along the line of sight."""
