@@ -94,7 +94,8 @@ def strays(
         stray = np.zeros(len(order), dtype=bool)
         stray[order[flipped]] = True
         order = order[~flipped]
-        squared, tested = _departures(turning.part(order))
+        departures = _departures(turning.part(order))
+        squared, tested = departures.squares, departures.tested
         if tested.any():
             around = median_filter(squared, AROUND, mode="nearest")
             usual = np.maximum(np.median(squared[tested]), around) / MEDIAN
@@ -143,17 +144,46 @@ def _into_axes(first: Body, second: Body, observations: Observations) -> tuple[F
     return (fit.rotation[0], variance) if variance < ALIKE**2 else None
 
 
-def excess_noise(
-    body: Body, observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None = None
-) -> float:
-    """The mean square of the attitudes' errors over that expected, at least 1; the others as in `strays`.
+@dataclass(frozen=True, eq=False)
+class Departures:
+    """How far attitudes are from a rotation fitted to those near, which assumes only that the body rotates smoothly.
 
-    It is 1 where the rotation from frame to frame is too fast to be fitted.
+    turn (n, 3): rotation vectors in S, rad; expected (n, 3, 3): their covariances, with those of the fits, rad²; tested
+    (n,): which have enough neighbours; surer (n,): where the fit is at least as sure as the attitude.
     """
-    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance, shifts))
-    if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
-        return 1.0
-    return max(float(squared[tested].mean()) / 3, 1.0)
+
+    turn: FloatArray
+    expected: FloatArray
+    tested: BoolArray
+    surer: BoolArray
+
+    @property
+    def squares(self) -> FloatArray:
+        """χ² (n,) of those that are tested, 0 of the others."""
+        squared = np.einsum("ki,ki->k", self.turn, np.linalg.solve(self.expected, self.turn[:, :, None])[:, :, 0])
+        return np.where(self.tested, squared, 0.0)
+
+    @property
+    def describe(self) -> bool:
+        """Whether the fits describe most attitudes: not where the rotation is too fast from frame to frame."""
+        return bool(self.tested.any()) and bool(np.median(self.squares[self.tested]) <= ROUGH * MEDIAN)
+
+    @classmethod
+    def none_of(cls, count: int) -> "Departures":
+        """Those of so many attitudes of which none is tested."""
+        none = np.zeros(count, dtype=bool)
+        return cls(np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)), none, none)
+
+
+def departures_of(
+    body: Body, observations: Observations, time: FloatArray, variance: float, shifts: FrameShifts | None = None
+) -> Departures:
+    """The departures of a body's attitudes; arguments as of `strays`.
+
+    None is tested where the rotation from frame to frame is too fast to be fitted.
+    """
+    found = _departures(_AttitudeSeries.of(body, observations, time, variance, shifts))
+    return found if found.describe else Departures.none_of(len(body.frames))
 
 
 def _gaps(time: FloatArray) -> FloatArray:
@@ -191,20 +221,20 @@ def _flipped(time: FloatArray, attitude: FloatArray) -> BoolArray:
     return np.asarray(jumps & ~np.append(stays, False) & ~np.append(False, stays))
 
 
-def _departures(turning: _AttitudeSeries) -> tuple[FloatArray, BoolArray]:
-    """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
+def _departures(turning: _AttitudeSeries) -> Departures:
+    """The departures (n,) of attitudes, at ascending times.
 
     The fit is of the lowest degree that describes most attitudes, as it has the least noise.
     """
-    found = np.zeros(len(turning.time)), np.zeros(len(turning.time), dtype=bool)
+    found = Departures.none_of(len(turning.time))
     for degree in DEGREES:
-        squared, tested = found = _departures_from(turning, degree)
-        if not tested.any() or np.median(squared[tested]) <= ROUGH * MEDIAN:
+        found = _departures_from(turning, degree)
+        if not found.tested.any() or found.describe:
             break
     return found
 
 
-def _departures_from(turning: _AttitudeSeries, degree: int) -> tuple[FloatArray, BoolArray]:
+def _departures_from(turning: _AttitudeSeries, degree: int) -> Departures:
     """Departures of attitudes from fits of one degree, at ascending times.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
@@ -213,7 +243,7 @@ def _departures_from(turning: _AttitudeSeries, degree: int) -> tuple[FloatArray,
     time, attitude, covariance = turning.time, turning.attitude, turning.covariance
     n, size = len(time), 2 * REACH + 1
     if n < size:
-        return np.zeros(n), np.zeros(n, dtype=bool)
+        return Departures.none_of(n)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     # Neighbours of each attitude; those beyond the ends are the attitude itself, which is not used.
     index = np.pad(np.arange(n), REACH, constant_values=-1)
@@ -243,7 +273,5 @@ def _departures_from(turning: _AttitudeSeries, degree: int) -> tuple[FloatArray,
     if degree > DEGREES[0]:  # at the ends it leads far off where it does not describe the rotation, as residuals show
         fitted = fitted * np.maximum(3 * np.nan_to_num(scale) / MEDIAN, 1.0)  # each square is of three axes
     expected = covariance + fitted[:, None, None] * np.eye(3)
-    off = coefficients[:, 0]
     tested = used.sum(axis=1) >= degree + MORE_NEIGHBOURS
-    squared = np.einsum("ki,ki->k", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
-    return np.where(tested, squared, 0.0), tested
+    return Departures(coefficients[:, 0], expected, tested, tested & (3 * fitted <= deviation**2))

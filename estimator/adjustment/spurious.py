@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
+from baryscope.estimator.adjustment.attitude_noise import Departures
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
@@ -284,11 +285,32 @@ class NoisyAttitudes:
         Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad². It
         scatters as that of as many frames as give most of it, which may be few: those of which little is seen.
         """
-        known, turned = self.known, (1 + self.greatest[:, None, None]) * self.covariance
-        traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
-        each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
-        frames = self.every * effective_count(each)
-        return SpuriousInformation.of(self.every * turned_information(known, turned), max(frames, 1.0))
+        turned = (1 + self.greatest[:, None, None]) * self.covariance
+        frames = self.every * effective_count(_terms(self.known, turned))
+        return SpuriousInformation.of(self.every * turned_information(self.known, turned), max(frames, 1.0))
+
+    def shown_information(self, departures: Departures) -> SpuriousInformation:
+        """The spurious information as the attitudes' departures from their rotation show it, at least that expected.
+
+        C is that of the attitudes as they are estimated: of a face seen at a right angle, the places across the line
+        of sight tell no tilt, but seem to if noise has tilted the attitude, so that the frames which are off by most
+        claim to be off by little. The departures need no C. Along axes in which both are diagonal, the information is
+        greater by as much as Σ tr([eᵢ]×ᵀ Q [eⱼ]× φ φᵀ) is than its expectation, in frames whose fit is at least as sure
+        as the attitude. As these are the errors that are there, a single one that gives most of it makes it no less
+        certain.
+
+        departures: of all frames of the body.
+        """
+        expected = self.spurious_information()
+        surer = departures.surer[:: self.every]
+        known, turn = self.known[surer], departures.turn[:: self.every][surer]
+        values, axes = np.linalg.eigh(turned_information(known, departures.expected[:: self.every][surer]))
+        if not values[0] > RANK * values[-1]:
+            return expected
+        squares, root = turn[:, :, None] * turn[:, None, :], axes / np.sqrt(values)
+        ratio, along = np.linalg.eigh(root.T @ turned_information(known, squares) @ root)
+        greater = (axes * np.sqrt(values)) @ along * np.sqrt(np.maximum(ratio, 1.0)) @ along.T @ root.T
+        return SpuriousInformation(greater @ expected.mean @ greater.T, greater @ expected.deviation @ greater.T)
 
     def of_known(self) -> "NoisyAttitudes":
         """The attitudes of the frames that know theirs: of others, as where features are outliers, C says nothing."""
@@ -317,3 +339,9 @@ class NoisyAttitudes:
         by_x = path.gram(self.frames, turned @ np.swapaxes(self.attitude, 1, 2))
         crossed = path.moment(self.frames, turned)
         return np.asarray(self.every * np.block([[weight.sum(axis=0), crossed.T], [crossed, by_x]]))
+
+
+def _terms(known: FloatArray, turned: FloatArray) -> FloatArray:
+    """The traces (n,) of the terms of `turned_information`, for information Q and a mean of φ φᵀ (n, 3, 3)."""
+    traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
+    return np.asarray(traces - np.einsum("kij,kij->k", known, turned))

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.attitude_noise import excess_noise
+from baryscope.estimator.adjustment.attitude_noise import departures_of
 from baryscope.estimator.adjustment.evidence import solved
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.integration import Posterior
@@ -152,20 +152,17 @@ class PivotSolution:
     def shown_spurious(self) -> SpuriousInformation:
         """The spurious information on the bodies' offsets; where it matters, as the rotation shows it.
 
-        Jointly for all bodies: spurious information of one body on the path would propagate to the others. It is in
-        proportion to the noise of a body's attitudes; one that is lost has none.
+        Jointly for all bodies: spurious information of one body on the path would propagate to the others. One that is
+        lost has none.
         """
-        pairs = zip(self._excess, self.spurious, strict=True)
-        return SpuriousInformation.of_each(one.scaled(factor) for factor, one in pairs)
-
-    @cached_property
-    def _excess(self) -> tuple[float, ...]:
-        """The mean square of each body's errors of attitude over that expected, where it matters; 0 of a lost body."""
-        if self.spurious_share < LOOKED_AT:
-            return tuple(float(not lost) for lost in self.lost)
-        at = self.observations, self.time, self.frame_variance, self.shifts
-        pairs = zip(self.bodies, self.lost, strict=True)
-        return tuple(0.0 if lost else excess_noise(body, *at) for body, lost in pairs)
+        each = list(self.spurious)
+        if self.spurious_share >= LOOKED_AT:
+            at = self.observations, self.time, self.frame_variance, self.shifts
+            departures = [departures_of(body, *at) for body in self.bodies]
+            pairs = zip(self.noisy_attitudes, departures, strict=True)
+            each = [noisy.shown_information(own) for noisy, own in pairs]
+        pairs_of_lost = zip(each, self.lost, strict=True)
+        return SpuriousInformation.of_each(own.scaled(float(not lost)) for own, lost in pairs_of_lost)
 
     @cached_property
     def shown_spurious_share(self) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.attitude_noise import excess_noise, strays
+from baryscope.estimator.adjustment.attitude_noise import departures_of, strays
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
 
@@ -94,13 +94,26 @@ def test_attitudes_of_a_body_of_few_frames_are_compared_with_those_of_another():
     assert not any(found.any() for found in strays([other, many], observations, EVERY_SECOND, NOISE**2))
 
 
-def test_excess_noise_is_the_mean_square_of_the_errors_over_that_expected():
+def mean_square(body, observations, time, variance):
+    """That of the departures over what is expected; of 400 values of χ²₃ over 3 it has the deviation √(2/1200), and
+    neighbours share some of it.
+    """
+    found = departures_of(body, observations, time, variance)
+    return float(found.squares[found.tested].mean()) / 3
+
+
+def test_departures_are_as_great_as_the_errors_are():
     body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
-    # A mean of 400 values of χ²₃ over 3 has the deviation √(2/1200); neighbours share some of it.
-    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2) == pytest.approx(1.0, abs=0.2)
-    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2 / 2) == pytest.approx(2.0, abs=0.4)
-    body, observations = seen(1.5, np.zeros(0, dtype=int), 0.0)
-    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2 / 2) in (1.0, pytest.approx(2.0, abs=0.4))
+    assert mean_square(body, observations, EVERY_SECOND, NOISE**2) == pytest.approx(1.0, abs=0.2)
+    assert mean_square(body, observations, EVERY_SECOND, NOISE**2 / 2) == pytest.approx(2.0, abs=0.4)
+
+
+def test_of_a_dozen_attitudes_none_is_tested():
+    body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
+    few = Body(body.features, body.frames[:12], POINTS, body.attitude[:12])
+    found = departures_of(few, observations, EVERY_SECOND, NOISE**2)
+    assert found.turn.shape == (12, 3)
+    assert not found.tested.any()
 
 
 @pytest.mark.parametrize("step", [0.02, 0.1])
@@ -110,4 +123,4 @@ def test_attitudes_are_compared_in_time_where_frames_come_in_bursts(step):
     time = np.arange(400.0) + np.cumsum(np.where(np.arange(400) % 20 == 0, pauses, 0.0))
     body, observations = seen(step, np.zeros(0, dtype=int), 0.0, time=time)
     assert not strays([body], observations, time, NOISE**2)[0].any()
-    assert excess_noise(body, observations, time, NOISE**2) == pytest.approx(1.0, abs=0.2)  # as without bursts
+    assert mean_square(body, observations, time, NOISE**2) == pytest.approx(1.0, abs=0.2)  # as without bursts

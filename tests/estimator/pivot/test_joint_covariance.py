@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
@@ -123,3 +124,26 @@ def test_noise_that_features_share_does_not_tell_the_place_along_a_spins_axis(se
     assert np.linalg.norm(error) < 1.0
     # Along the axis two deviations at most, as where it is not told; χ² of three degrees of freedom is below 9 in 97 %.
     assert error @ np.linalg.solve(covariance, error) < 9.0
+
+
+@pytest.mark.parametrize(("seed", "away"), [(1, 20.0), (2, 20.0), (2, 40.0)])
+def test_a_spin_about_the_line_of_sight_is_not_observable_along_it(seed, away):
+    """A face that turns about the line of sight, 0.8 m before the centre of mass, passes by a rig whose covariances are
+    told exactly: all were `good`, with normalised squares of 109, 9310 and 396.
+
+    away: degrees by which the line of sight leaves the axis.
+    """
+    rng, time, across, ratio = np.random.default_rng(seed), 2.0 * np.arange(300), 0.003, 40.0
+    path = 18 * np.stack([np.tan(np.radians(away)) * time / time[-1], 0 * time, np.ones(300)], axis=1)
+    spin = Rotation.from_rotvec(0.04 * time[:, None] * np.array([0.0, 0, 1])).as_matrix()
+    true = path[:, None] + np.c_[rng.uniform(-1, 1, (5, 2)), np.full(5, -0.8)] @ np.swapaxes(spin, 1, 2)
+    sight = true / np.linalg.norm(true, axis=2, keepdims=True)
+    noise = across * rng.normal(size=true.shape)
+    noise += (ratio - 1) * np.sum(noise * sight, axis=2, keepdims=True) * sight
+    covariance = across**2 * (np.eye(3) + (ratio**2 - 1) * sight[..., :, None] * sight[..., None, :])
+    tracks = FeatureTracks(time, true + noise, tuple("abcde"), covariance)
+    found = estimate(tracks, options=PathOptions(trajectory="polynomial:1"))
+    assert found.status in (Status.NOT_OBSERVABLE, Status.NOT_CONVERGED)
+    for frame in (0, 150, 299):
+        error = found.position[frame] - path[frame]
+        assert error @ np.linalg.solve(found.covariance[frame], error) < chi2.isf(1e-4, 3)
