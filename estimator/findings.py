@@ -146,6 +146,16 @@ class Extrapolated:
 
 
 @dataclass(frozen=True)
+class OtherBody:
+    """Features of these labels are rigid among themselves, but move against those of the estimate; they are left out.
+
+    The chaser's own arm, another object, or a panel that turns: which of the bodies is meant, the tracks do not tell.
+    """
+
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class UnknownBurn:
     """A burn that nothing told, in s, changes the chaser's velocity, m/s; with deviations.
 
@@ -249,6 +259,7 @@ Finding = (
     | Extrapolated
     | DifferentPoints
     | DisagreeingClusters
+    | OtherBody
     | Departure
     | WrongOrbit
     | EstimatedOrbit
@@ -262,5 +273,5 @@ Finding = (
     | MovingFeatures
     | FreeAttitudes
 )
-UNCHECKED = FewFrames | FollowsRotation | Extrapolated
+UNCHECKED = FewFrames | FollowsRotation | Extrapolated | OtherBody
 MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut | DisagreeingClusters

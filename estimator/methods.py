@@ -9,6 +9,7 @@ from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
+from baryscope.estimator.findings import OtherBody
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.noise.following import with_noise_as_shown
@@ -17,6 +18,7 @@ from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.progress import Progress, silent
+from baryscope.estimator.registration.screening import bodies_beside
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screws import gpa, least_squares, raw
@@ -62,11 +64,18 @@ class Method:
 
         if isinstance(chosen, PathOptions):
             found = without_moving_features(lambda own: with_noise_as_shown(fit, own, chosen), tracks)
+            found = replace(found, findings=found.findings + _other_bodies(tracks))
         else:
             found = fit(tracks, chosen)
         found = claimed(found if self.camera_errors else considered(found, tracks), tracks)
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))
+
+
+def _other_bodies(tracks: FeatureTracks) -> tuple[OtherBody, ...]:
+    """The findings of rigid bodies beside the one that is estimated."""
+    groups = bodies_beside(tracks.position, tracks.seen)
+    return tuple(OtherBody(tuple(tracks.labels[index] for index in group)) for group in groups)
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:

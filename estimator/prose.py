@@ -25,6 +25,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     MovingFeatures,
+    OtherBody,
     UnknownBurn,
     UnknownPush,
     UntoldAccuracy,
@@ -62,7 +63,7 @@ def sentence(finding: Finding) -> str:
             LackOfFit() | ExcessResiduals() | FramesLeftOut() | Departure() | DisagreeingClusters() | DifferentPoints()
         ):
             return _of_misfit(finding)
-        case FewFrames() | FollowsRotation() | Extrapolated():
+        case FewFrames() | FollowsRotation() | Extrapolated() | OtherBody():
             return _of_doubt(finding)
         case WrongOrbit() | EstimatedOrbit() | UntoldOblateness() | UntoldAccuracy():
             return _of_orbit(finding)
@@ -110,7 +111,7 @@ def _of_misfit(
             return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
 
 
-def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated) -> str:
+def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | OtherBody) -> str:
     """What the tracks cannot check, in words."""
     match finding:
         case FewFrames():
@@ -123,6 +124,11 @@ def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated) -> str:
                 f"the path, of {finding.unknowns:.0f} unknowns, may follow the rotation, with a centre of mass that is "
                 "wrong by as much: of what the tracks tell of it, noise of the attitudes feigns "
                 f"{100 * min(finding.share, 1.0):.0f} %; the method ml has less freedom"
+            )
+        case OtherBody():
+            return (
+                f"{', '.join(finding.labels)} are rigid among themselves, but move against the features of the "
+                "estimate: another body, which is left out; if it is the one that is meant, leave out the others"
             )
         case Extrapolated():
             what = (

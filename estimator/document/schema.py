@@ -99,6 +99,7 @@ class FindingPart(Part):
         "extrapolated",
         "different-points",
         "disagreeing-clusters",
+        "other-body",
         "departure",
         "wrong-orbit",
         "estimated-orbit",
@@ -131,7 +132,7 @@ class FindingPart(Part):
         None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
     labels: tuple[str, ...] | None = Field(
-        None, description="different-points, disagreeing-clusters, moving-features: the labels in question"
+        None, description="different-points, disagreeing-clusters, moving-features, other-body: the labels in question"
     )
     clusters: tuple[int, int] | None = Field(
         None, description="different-points, disagreeing-clusters: indices of the two"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from baryscope.estimator.geometry.evenly import evenly_spaced
+from baryscope.estimator.registration.rigid_groups import other_bodies
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -32,7 +33,7 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
 
     seen (n, m); covariance (n, m, 3, 3) of the positions in m², up to a common factor, as they are not equally good in
     all directions; None if they are. If hardly any distance in a sample of frames is an outlier, all observations are
-    inliers, except those of features that do not belong to the body at all.
+    inliers, except those of features that do not belong to the body at all, or to another one.
 
     soft: deviations up to this share of the body's typical distances fit in any case, as those of markers on skin,
     which are no noise: they are small where a subject stands still. What is beyond is an outlier, be it the only one.
@@ -40,6 +41,8 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
     n, m = seen.shape
     pairs = _pairs(m)
     rows = evenly_spaced(n, SAMPLE)
+    for group in () if soft else bodies_beside(position, seen):
+        seen = seen & ~np.isin(np.arange(m), group)
     typical, spread = _typical_distances(_Seen.of(position, seen, covariance, rows), pairs, soft)
     known = np.isfinite(typical)
     seen = seen & ~_not_of_body(typical, spread, pairs, m)
@@ -55,6 +58,18 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
         fits, both = _fits(_Seen.of(position, seen, covariance, part), pairs, typical, spread)
         inliers[part] = seen[part] & _agreeing(fits, both, pairs, m)
     return inliers
+
+
+def bodies_beside(position: FloatArray, seen: BoolArray) -> list[NDArray[np.intp]]:
+    """Groups of features, by index, of rigid bodies that move against the one that is looked at; see `other_bodies`.
+
+    position (n, m, 3) in m; seen (n, m).
+    """
+    pairs = _pairs(seen.shape[1])
+    rows = evenly_spaced(len(seen), min(SAMPLE, max(CHUNK // (3 * max(len(pairs), 1)), 1)))
+    i, j = pairs.T
+    shown = np.where(seen[rows][..., None], position[rows], np.nan)
+    return other_bodies(pairs, shown[:, i] - shown[:, j], seen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     MovingFeatures,
+    OtherBody,
     UnknownPush,
     UntoldAccuracy,
     WrongSigma,
@@ -138,6 +139,11 @@ def test_verdict_names_a_skew_axis():
         ),
         (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
         (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
+        (
+            OtherBody(("a", "b", "c")),
+            "a, b, c are rigid among themselves, but move against the features of the estimate: another body, which is "
+            "left out; if it is the one that is meant, leave out the others",
+        ),
         (
             DisagreeingClusters(("a", "b"), (0, 2), 3.14),
             "clusters 0 and 2 see a, b 3.1 times as far apart as they claim to know: "
