@@ -20,9 +20,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 MOVING = 4.0  # deviation of a distance over that of its noise, from which it changes: in steps of 20° at most
-CHANGED = (
-    0.1  # of it, over the distance that a body's features typically have: less may be noise that lasts, or bending
-)
+CHANGED = 0.1  # of it, over the distance that a body's features typically have: less may last as noise, or bend
 FEWEST = 20  # values of a distance, to tell: of noise the ratio is 1 to a fifth
 TURNS = 0.5  # of how far the directions between features of the body that turns most turn: such a one turns, too
 COMPARED = 2  # features of the body, at least, that each feature of another one is seen to move against
