@@ -28,7 +28,8 @@ from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts
-from baryscope.estimator.findings import Finding, FreeAttitudes, UnknownPush, WrongOrbit
+from baryscope.estimator.findings import DisagreeingClusters, Finding, FreeAttitudes, UnknownPush, WrongOrbit
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.error import inexact_parts
@@ -36,6 +37,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.orbits.push import unknown_push_in
 from baryscope.estimator.pivot.answer import estimate_of
+from baryscope.estimator.pivot.disagreement import disagreeing_by_tumble
 from baryscope.estimator.pivot.method import PivotProblem, solve_pivot
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy
 from baryscope.estimator.pivot.orbits.corrected import orbit_error_in
@@ -51,6 +53,7 @@ from baryscope.models.words import counted
 
 MAX_FEATURES = 200  # all are among the unknowns
 MAX_MEMORY = 8e9  # bytes
+ALWAYS = 0.9  # share of the frames
 
 
 def estimate_by_filter(
@@ -71,10 +74,11 @@ def estimate_by_filter(
     task = _Task(tracks, orbit, options, Rounds(progress))
     found: Passes | None = None
     try:
-        found = _filtered(task)
+        found, solved = _filtered(task)
         if found.converged:
             answer = answer_of(found, begin)
-            return replace(answer, findings=answer.findings + _findings_on_orbit(task, found.problem.path))
+            on_orbit = _findings_on_orbit(task, found.problem.path)
+            return replace(answer, findings=answer.findings + on_orbit + _disagreeing(task, solved, answer))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
@@ -118,8 +122,9 @@ def _with_free_attitudes(task: _Task, begin: float) -> Estimate | None:
         return None
 
 
-def _filtered(task: _Task) -> Passes:
-    """The passes from the first start from which they come to rest, else from the first that leads anywhere.
+def _filtered(task: _Task) -> tuple[Passes, PivotSolution | None]:
+    """The passes from the first start from which they come to rest, else from the first that leads anywhere; and the
+    solution of `pivot` whose attitudes they start from, if there is one.
 
     Raises:
         ComputationError: none does, or the tracks do not determine the unknowns, or there are too many.
@@ -133,7 +138,7 @@ def _filtered(task: _Task) -> Passes:
         found = other
     if not found.converged:
         found = model.passes_from_likeliest_tumble() or found
-    return _with_untold_forces(task, found, model.trajectory) if model.on_orbit else found
+    return _with_untold_forces(task, found, model.trajectory) if model.on_orbit else found, model.solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +251,19 @@ def _by_attitudes(problem: PivotProblem, found: Passes) -> PivotProblem | None:
     at, frames, last = found.reference, found.problem.start.nodes.frames, found.last
     points = [at.points[body.features] for body in problem.solved.bodies]
     return problem.with_burns_of(points, at.attitude[frames], at.origin[frames], last.weight, last.residual_variance)
+
+
+def _disagreeing(task: _Task, solved: PivotSolution | None, answer: Estimate) -> tuple[DisagreeingClusters, ...]:
+    """What a solution of `pivot` finds of clusters that disagree, if the answer's attitudes do not settle it.
+
+    Without a solution, `pivot` is solved for it, unless three features are seen nearly always: these are one cluster.
+    """
+    if solved is None and np.sum(task.tracks.seen.mean(axis=0) > ALWAYS) < FEWEST_POINTS:
+        try:
+            solved = task.pivot.solved
+        except ComputationError:
+            return ()
+    return () if solved is None else disagreeing_by_tumble(solved, answer, task.tracks)
 
 
 def _findings_on_orbit(task: _Task, path: Path) -> tuple[Finding, ...]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc
+from scipy.special import fdtrc
 
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.diagnostics import (
@@ -27,7 +27,6 @@ from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, DisagreeingClusters, ExcessResiduals, Finding
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.iteration import ROUNDING, turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
@@ -35,6 +34,7 @@ from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.disagreement import disagreeing_by_tumble
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.prediction import PredictedBody, PredictedPath
 from baryscope.estimator.result import Estimate, Motion, Noise
@@ -67,11 +67,10 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
     turned = turned_by(best.sampled, best.x)
     attitude = best.motion.attitude if turned is None else exp_rotation(turned) @ best.motion.attitude
     residuals = tracks.position - (best.equations.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
-    in_body = np.where((weight > 0)[..., None], residuals, 0.0) @ attitude
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     of_path = predicted_path(best.path, best.x, of_x, span, prior, own)
-    return Estimate(
+    answer = Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=origin,
@@ -88,7 +87,7 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
         covered=covered_by(clusters, len(tracks.time)),
         converged=best.converged,
         rounds=best.rounds,
-        findings=_findings(best, pivot, in_body, tracks.labels) + _excess_residuals(residuals, best, pivot, errors),
+        findings=_findings(best, pivot) + _excess_residuals(residuals, best, pivot, errors),
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -108,49 +107,15 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
             torque_density=_torque_density(best, options),
         ),
     )
+    return replace(answer, findings=answer.findings + disagreeing_by_tumble(pivot, answer, tracks))
 
 
-def _findings(
-    best: MaximumAPosteriori, pivot: PivotSolution, residual: FloatArray, labels: tuple[str, ...]
-) -> tuple[Finding, ...]:
+def _findings(best: MaximumAPosteriori, pivot: PivotSolution) -> tuple[Finding, ...]:
     """The findings of `pivot`, but for what a tumble does not need: as many frames, attitudes better than noise, and
-    clusters that agree by these.
-
-    residual: (n, m, 3), in axes of the body, m, 0 where nothing is used.
+    clusters that agree by free attitudes.
     """
-    others = tuple(
-        one
-        for one in pivot.findings
-        if not isinstance(one, UNCHECKED | DisagreeingClusters)
-        or (isinstance(one, DisagreeingClusters) and _disagree(one, best, pivot, residual, labels))
-    )
+    others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED | DisagreeingClusters))
     return others + few_frames(best.observations.weight, best.unknowns)
-
-
-def _disagree(
-    finding: DisagreeingClusters,
-    best: MaximumAPosteriori,
-    pivot: PivotSolution,
-    residual: FloatArray,
-    labels: tuple[str, ...],
-) -> bool:
-    """Whether two clusters disagree by the attitudes of the tumble, too: features that both see have other mean
-    residuals (n, m, 3) in the axes of the body, where either sees them, than noise makes.
-    """
-    columns, observations = np.array([labels.index(label) for label in finding.labels]), best.observations
-    means, variances = [], []
-    for body in (pivot.bodies[index] for index in finding.clusters):
-        at = np.ix_(body.frames, columns)
-        information = observations.weight[at][..., None, None] * np.eye(3)
-        if observations.precision is not None:
-            turn = best.motion.attitude[body.frames][:, None]
-            information = information * (np.swapaxes(turn, 2, 3) @ observations.precision[at] @ turn)
-        inverse = symmetric_inverses(information.sum(axis=0))
-        means.append(np.einsum("mij,kmjl,kml->mi", inverse, information, residual[at]))
-        variances.append(pivot.lasting * best.residual_variance * inverse)
-    apart = means[0] - means[1]
-    squares = np.einsum("mi,mij,mj->", apart, symmetric_inverses(variances[0] + variances[1]), apart)
-    return bool(chdtrc(3 * len(columns), squares) < SIGNIFICANCE)
 
 
 def _excess_residuals(

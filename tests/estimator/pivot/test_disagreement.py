@@ -29,7 +29,7 @@ def tracked(shift, seed):
     return FeatureTracks(TIME, position, parts[0].tracks.labels)
 
 
-@pytest.mark.parametrize("method", ["pivot", "ml"])
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 @pytest.mark.parametrize(("shift", "disagree"), [(0.0, False), (0.003, True)])
 def test_features_that_have_moved_between_two_clusters_are_named(method, shift, disagree):
     for seed in range(3):
