@@ -3,7 +3,8 @@
 The time is cut into windows, in each of which a feature has a mean place in axes of the body, and in each of which the
 body is placed anew, by least squares. A feature's weight is that of its own noise within the windows, so that features
 with more noise than others do not seem to move for it, and what is compared is how long errors last: the mean of errors
-that last has more variance than its number of observations tells.
+that last has more variance than its number of observations tells. Attitudes that noise has turned by an angle of a
+feature's noise over the body's radius move means by second order, by that angle times the noise, which is allowed for.
 
 Which features move, the residuals do not tell at once, as features far out draw the attitude, and then it is the others
 that seem to. So those are sought, a little more than half of all, that leave the least squares behind (least trimmed
@@ -90,14 +91,14 @@ class WindowMeans:
         inner = own.squares.sum(axis=0) - squares
         of_all = max(float(inner.sum() / within.sum()), np.finfo(float).tiny)
         variance = ((inner + COMMON * of_all) / (within + COMMON))[known]
-        return cls(
-            features[known],
-            own.arms[known],
-            information[:, known] / variance[:, None, None],
-            weighted[:, known] / variance[:, None],
-            squares[known] / variance / between[known],
-            between[known],
-        )
+        seen, covariance = seen[:, known] > 0, variance[:, None, None] * _inverses(information[:, known])
+        mean = (covariance @ (weighted[:, known] / variance[:, None])[..., None])[..., 0]
+        second_order = (variance * own.spread[known] / own.radius) ** 2
+        covariance += second_order[:, None, None] * np.eye(3)
+        information = np.where(seen[..., None, None], _inverses(covariance), 0.0)
+        weighted = (information @ mean[..., None])[..., 0]
+        excess = _squares(information, weighted).sum(axis=0) / between[known]
+        return cls(features[known], own.arms[known], information, weighted, excess, between[known])
 
     @property
     def suspicious(self) -> bool:
@@ -201,7 +202,9 @@ class _InBody:
 
     seen (n, m); arms (m, 3): the features' places on the body, from their centroid, of rms 1; information (n, m, 3, 3),
     0 where nothing is seen; weighted (n, m, 3): that times the residual; squares (n, m): that times the residual twice;
-    freedom (n, m): the expectation of the squares with true information, less than 3 by what the frame's pose takes.
+    freedom (n, m): the expectation of the squares with true information, less than 3 by what the frame's pose takes;
+    radius: the rms distance of the places from their centroid, m; spread (m,): the mean trace of an observation's
+    covariance, in the unit of the inverse of `information`.
     """
 
     seen: BoolArray
@@ -210,6 +213,8 @@ class _InBody:
     weighted: FloatArray
     squares: FloatArray
     freedom: FloatArray
+    radius: float
+    spread: FloatArray
 
     @classmethod
     def of(
@@ -223,11 +228,14 @@ class _InBody:
         place = tracks.position[frames[:, None], source] - found.residuals[at] - found.position[frames, None]
         place = np.where(seen[..., None], place, 0.0) @ turn
         arms = place.sum(axis=0) / seen.sum(axis=0)[:, None]
-        arms = (arms - arms.mean(axis=0)) / rms_radius(arms)
-        information = seen[..., None, None] * np.eye(3)
+        radius = rms_radius(arms)
+        arms = (arms - arms.mean(axis=0)) / radius
+        information, spread = seen[..., None, None] * np.eye(3), np.full(len(features), 3.0)
         if tracks.covariance is not None:
             covariance = np.where(seen[..., None, None], tracks.covariance[frames[:, None], source], np.eye(3))
             information *= np.swapaxes(turn, 1, 2)[:, None] @ _inverses(covariance) @ turn[:, None]
+            trace = np.trace(covariance, axis1=2, axis2=3)
+            spread = np.mean(trace, axis=0, where=seen)
         jacobian = _by_pose(arms)
         of_pose = np.einsum("mia,nmij,mjb->nmab", jacobian, information, jacobian, optimize=True)
         inverse = np.linalg.inv(_held(of_pose.sum(axis=1)))
@@ -236,7 +244,8 @@ class _InBody:
         weighted = np.einsum("nmij,nmj->nmi", information, residual)
         taken = np.einsum("nmab,nba->nm", of_pose, inverse, optimize=True)
         squares = np.einsum("nmi,nmi->nm", weighted, residual)
-        return cls(seen, arms, information, weighted, squares, np.maximum(3.0 * seen - taken, 0.0))
+        freedom = np.maximum(3.0 * seen - taken, 0.0)
+        return cls(seen, arms, information, weighted, squares, freedom, radius, spread)
 
 
 def _by_pose(arms: FloatArray) -> FloatArray:
