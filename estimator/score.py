@@ -87,28 +87,33 @@ class _RestFrame:
         return np.broadcast_to(self.R_C_W @ np.cross([0.0, 0.0, 1.0], point_W), (len(self.rate), 3)) * self.rate
 
     def covariance(self, covariance_W: FloatArray) -> FloatArray:
-        """The covariances (n, 3, 3) in C of a point's positions, from that (3, 3) in W."""
-        in_C = self.R_C_W @ covariance_W @ np.swapaxes(self.R_C_W, 1, 2)
-        return np.broadcast_to(in_C, (len(self.rate), 3, 3)).copy()
+        """The covariances (n, 3, 3) in C of a point's positions, from those (n, 3, 3) in W."""
+        return np.asarray(self.R_C_W @ covariance_W @ np.swapaxes(self.R_C_W, 1, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The least-squares solution of c_k = v + R_k d, d = −u, jointly for j bodies.
+    """The least-squares solution of c_k = v + R_k d, d = −u, jointly for j bodies; v = Σ b_l(t_k) v_l for q functions
+    of time, of which the first is 1.
 
     Attributes:
-        centre: v (3,), m.
+        centres: v_l (q, 3), m.
         offsets: d (j, 3), each body's in its axes, m.
-        inverse: the pseudo-inverse (3 j + 3, 3 j + 3) of the normal equations of (d, v).
+        inverse: the pseudo-inverse (3 j + 3 q, 3 j + 3 q) of the normal equations of (d, v_l).
         variance: of the residuals per coordinate, m².
-        unseen: the directions (3 j + 3, k) of (d, v) that nothing tells, as where the target does not turn.
+        unseen: the directions (3 j + 3 q, k) of (d, v_l) that nothing tells, as where the target does not turn.
     """
 
-    centre: FloatArray
+    centres: FloatArray
     offsets: FloatArray
     inverse: FloatArray
     variance: float
     unseen: FloatArray
+
+    @property
+    def centre(self) -> FloatArray:
+        """v (3,), m, or what of it is constant."""
+        return np.asarray(self.centres[0])
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -116,8 +121,9 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
 
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
     `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes; frames that have the same
-    errors of the features count as one. It is wrong if the centre moves, which the findings tell. A sigma in the
-    options is not used.
+    errors of the features count as one. It is wrong if the centre moves, which the findings tell; unless a trajectory
+    is told, it has the motion that the residuals do not show, but do not exclude, as large as the noise of a frame. A
+    sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`, or a singular covariance.
@@ -141,12 +147,21 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     origin = np.tile(fit.centre, (len(position), 1))
     observations = Observations(np.where(inliers[:, :, None], position, 0.0), inliers.astype(np.float64))
     lasting = frames_per_error(bodies, observations, origin)
-    joint = _joint_covariance(registered, inliers, fit, lasting)
+    joint, constant = _joint_covariance(registered, inliers, fit, lasting), np.ones((len(position), 1))
+    of_offsets, of_centre = _of_offsets(joint, len(bodies)), _of_centre(joint, constant)
+    findings = _findings(registered, inliers, tracks.time, fit, ground.path, lasting)
+    if not findings and options.trajectory is None:
+        drift = _drift(registered, tracks.time)
+        free = solve_score(registered, drift)
+        joint = _joint_covariance(registered, inliers, free, lasting)
+        away = drift @ free.centres - fit.centre
+        of_centre = _greater(of_centre, _of_centre(joint, drift) + away[:, :, None] * away[:, None, :])
+        apart = free.offsets - fit.offsets
+        of_offsets = _greater(of_offsets, _of_offsets(joint, len(bodies)) + apart[:, :, None] * apart[:, None, :])
     clusters = tuple(
-        cluster_of(body, body.points, joint[3 * index : 3 * index + 3, 3 * index : 3 * index + 3], tracks.labels)
-        for index, body in enumerate(bodies)
+        cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, of_offsets, strict=True)
     )
-    covariance = ground.covariance(joint[-3:, -3:])
+    covariance = ground.covariance(of_centre)
     weight = _weights(tracks.seen, inliers, bodies)
     residuals = ground.vectors_in_C(residuals_of(position, bodies, origin))
     used, rejected = weight > 0, rejected_by(weight)
@@ -166,7 +181,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         covered=covered_by(clusters, len(tracks.time)),
         converged=True,
         rounds=1,
-        findings=_findings(registered, inliers, tracks.time, fit, ground.path, lasting),
+        findings=findings,
         method="score",
         path=ground.path,
         options=options,
@@ -175,41 +190,76 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     )
 
 
-def solve_score(registered: Registered) -> Fit:
-    """The least-squares solution for the registered bodies, by the normal equations of (d, v)."""
+def solve_score(registered: Registered, functions: FloatArray | None = None) -> Fit:
+    """The least-squares solution for the registered bodies, by the normal equations of (d, v_l).
+
+    functions: of time, (n, q), at all times of the tracks, of which the first is 1; that one alone by default. The
+    others' coefficients have a prior about zero, of the deviation of one frame's residual.
+    """
     bodies, origins = registered.bodies, registered.origins
-    j = len(bodies)
-    matrix, rhs = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
-    for index, (body, origin) in enumerate(zip(bodies, origins, strict=True)):
+    j, q = len(bodies), 1 if functions is None else functions.shape[1]
+    matrix, rhs = np.zeros((3 * j + 3 * q, 3 * j + 3 * q)), np.zeros(3 * j + 3 * q)
+    centre = slice(3 * j, None)
+    basis = [np.ones((len(body.frames), 1)) if functions is None else functions[body.frames] for body in bodies]
+    for index, (body, origin, b) in enumerate(zip(bodies, origins, basis, strict=True)):
         own, R = slice(3 * index, 3 * index + 3), body.attitude
-        turned = R.sum(axis=0)
+        turned = np.einsum("kl,kij->lij", b, R, optimize=True).reshape(-1, 3)
         matrix[own, own] = len(R) * np.eye(3)
-        matrix[own, -3:], matrix[-3:, own] = turned.T, turned
-        matrix[-3:, -3:] += len(R) * np.eye(3)
+        matrix[own, centre], matrix[centre, own] = turned.T, turned
+        matrix[centre, centre] += np.kron(b.T @ b, np.eye(3))
         rhs[own] = np.einsum("kij,ki->j", R, origin)
-        rhs[-3:] += origin.sum(axis=0)
+        rhs[centre] += (b.T @ origin).ravel()
+    matrix[3 * j + 3 :, 3 * j + 3 :] += np.eye(3 * q - 3)
     inverse = symmetric_pseudo_inverse(matrix)
     found = inverse @ rhs
-    centre, offsets = found[-3:], found[:-3].reshape(-1, 3)
+    centres, offsets = found[centre].reshape(-1, 3), found[: 3 * j].reshape(-1, 3)
     squares = sum(
-        float(np.sum((origin - centre - body.attitude @ offset) ** 2))
-        for body, origin, offset in zip(bodies, origins, offsets, strict=True)
+        float(np.sum((origin - b @ centres - body.attitude @ offset) ** 2))
+        for body, origin, b, offset in zip(bodies, origins, basis, offsets, strict=True)
     )
     values = 3 * sum(len(body.frames) for body in bodies)
     variance = squares / max(values - len(found), 1)
-    return Fit(centre, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix)))
+    return Fit(centres, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix)))
 
 
 def _joint_covariance(registered: Registered, inliers: BoolArray, fit: Fit, lasting: float) -> FloatArray:
-    """The covariance (3 j + 3, 3 j + 3) of (d, v), m²; along what nothing tells, the deviation is the distance.
+    """The covariance (3 j + 3 q, 3 j + 3 q) of (d, v_l), m²; along what nothing tells, the deviation is the distance.
 
     lasting: how many frames have the same errors of the features, and count as one.
     """
     distance, variance = float(np.linalg.norm(fit.centre)), lasting * fit.variance
     least = variance / max(distance, 1e-300) ** 2
     inverse = _without_spurious_information(registered, inliers, fit.inverse, least)
-    unseen = fit.unseen * distance / np.linalg.norm(fit.unseen[-3:], axis=0)
+    first = 3 * len(registered.bodies)
+    unseen = fit.unseen * distance / np.linalg.norm(fit.unseen[first : first + 3], axis=0)
     return np.asarray(variance * inverse + unseen @ unseen.T)
+
+
+def _of_offsets(joint: FloatArray, bodies: int) -> FloatArray:
+    """The covariances (j, 3, 3) of d, from that of (d, v_l)."""
+    return np.array([joint[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(bodies)])
+
+
+def _of_centre(joint: FloatArray, functions: FloatArray) -> FloatArray:
+    """The covariances (n, 3, 3) of v, from that of (d, v_l), for the functions of time (n, q)."""
+    size = 3 * functions.shape[1]
+    own = joint[-size:, -size:].reshape(-1, 3, size // 3, 3)
+    return np.asarray(np.einsum("nl,limj,nm->nij", functions, own, functions, optimize=True))
+
+
+def _greater(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Covariances (n, 3, 3) that are no less than either along the axes of the one."""
+    values, axes = np.linalg.eigh(one)
+    along = np.einsum("nia,nij,nja->na", axes, other, axes)
+    added = np.maximum(along - values, 0.0)
+    return np.asarray(one + (axes * added[:, None]) @ np.swapaxes(axes, 1, 2))
+
+
+def _drift(registered: Registered, time: FloatArray) -> FloatArray:
+    """1 and polynomials of time (n, DEGREE + 1), which before the first frame of a body and after the last stay."""
+    frames = np.concatenate([body.frames for body in registered.bodies])
+    own = np.clip(time, time[frames.min()], time[frames.max()])
+    return np.asarray(chebyshev.chebvander(2 * (own - own[0]) / max(own[-1] - own[0], 1e-300) - 1, DEGREE))
 
 
 def _weights(seen: BoolArray, inliers: BoolArray, bodies: list[Body]) -> FloatArray:
@@ -224,12 +274,13 @@ def _weights(seen: BoolArray, inliers: BoolArray, bodies: list[Body]) -> FloatAr
 def _without_spurious_information(
     registered: Registered, inliers: BoolArray, inverse: FloatArray, least: float
 ) -> FloatArray:
-    """The pseudo-inverse of the normal equations, (3 j + 3, 3 j + 3), without spurious information of noisy attitudes.
+    """The pseudo-inverse of the normal equations, (3 j + 3 q, 3 j + 3 q), without spurious information of noisy
+    attitudes.
 
     An error φ of an attitude with the covariance C adds φ × d to the frame, in the mean the information tr C − C on d,
     see `adjustment.spurious`. least: information that remains in a direction.
     """
-    k, parts = len(inverse) - 3, []
+    k, parts = 3 * len(registered.bodies), []
     for body in registered.bodies:
         of_turn = _turn_covariances(body, inliers, registered.noise).sum(axis=0)
         parts.append(SpuriousInformation.of(np.trace(of_turn) * np.eye(3) - of_turn, len(body.frames)))
@@ -267,8 +318,7 @@ def _lack_of_fit(registered: Registered, time: FloatArray, fit: Fit, path: str, 
             for body, origin, offset in zip(registered.bodies, registered.origins, fit.offsets, strict=True)
         ]
     )
-    half = max((time[-1] - time[0]) / 2, 1e-300)
-    powers = chebyshev.chebvander((time[frames] - time[0]) / half - 1, DEGREE)
+    powers = _drift(registered, time)[frames]
     basis = np.linalg.qr(powers - powers.mean(axis=0))[0][:, 1:]
     explained = basis @ (basis.T @ residual)
     values = residual.size - 3 * (DEGREE + 1) - 3 * len(fit.offsets)

@@ -91,6 +91,27 @@ def test_a_centre_that_moves_by_little_more_than_noise_is_found(case_of, at_rest
     assert finding.magnitude == pytest.approx(0.03 / np.sqrt(3), rel=0.2)
 
 
+def test_a_motion_that_residuals_do_not_show_is_allowed_for_unless_the_centre_is_said_to_be_at_rest():
+    """A centimetre either way in 60 frames of a turn or so, with noise of two: found in few draws, and not claimed."""
+    some = np.arange(60.0)
+    turn, precession = 1.2 * 2 * np.pi * some[:, None] / 60, 0.4 * 1.2 * 2 * np.pi * some[:, None] / 60
+    R = (Rotation.from_rotvec(precession * [0.3, 0.9, 0.1]) * Rotation.from_rotvec(turn * [0.0, 0.6, 0.8])).as_matrix()
+    moving, at_rest = [], []
+    for seed in range(20):
+        way = np.random.default_rng(seed).normal(size=3)
+        for drift, trajectory, squares in ((0.01, None, moving), (0.0, "fixed", at_rest)):
+            com = CENTRE + drift * np.linspace(-1, 1, 60)[:, None] * way / np.linalg.norm(way)
+            tracks = make_case(some, R, com, box_features(8, (3, 2, 1), 1), noise=0.02, seed=seed).tracks
+            found = estimate(tracks, method="score", options=PathOptions(trajectory=trajectory))
+            error = found.position[0] - com[0]
+            if found.status is Status.GOOD:
+                squares.append(error @ np.linalg.solve(found.covariance[0], error))
+    assert len(moving) > 10
+    assert max(moving) < 16.3  # of χ² with three degrees of freedom, 1e-3
+    # The mean of twenty χ² of three degrees of freedom has the deviation √(6/20).
+    assert np.mean(at_rest) == pytest.approx(3, abs=4 * np.sqrt(6 / 20))
+
+
 def test_a_pure_spin_is_not_observable(time):
     """The noise of the attitudes pretends to information along the axis."""
     axis = np.linalg.eigh(ENVISAT)[1][:, 2]
