@@ -10,28 +10,38 @@ from typing import TextIO
 import numpy as np
 
 from baryscope.estimator.document.document import document_of
-from baryscope.estimator.formats.write import netcdf, parquet, zarr
+from baryscope.estimator.formats.markers import MARKER_FORMS, with_marker
+from baryscope.estimator.formats.write import netcdf, parquet, writer_of_tracks, zarr
 from baryscope.estimator.prediction import Prediction
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import Estimate, Status
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
-from baryscope.models.errors import InputError
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath, Writer, write_together
 
 STATE = ("x", "y", "z", "vx", "vy", "vz")
 
 
 def write_estimate(
-    result: Estimate, path: AnyPath, prediction: Prediction | None = None, also: Mapping[Path, str | None] | None = None
+    result: Estimate,
+    path: AnyPath,
+    prediction: Prediction | None = None,
+    also: Mapping[Path, str | None] | None = None,
+    recording: FeatureTracks | None = None,
 ) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
 
     A name that ends in .parquet has the same columns in Parquet, and one in .nc or .zarr has
-    `Estimate.to_dataset` in NetCDF or Zarr.
+    `Estimate.to_dataset` in NetCDF or Zarr. One that ends in .trc or .c3d has the recording, with the centre of mass as
+    one more marker whose label is the name without ending: only of an estimate whose status is good, as these forms
+    have no place for a covariance.
     prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
     or, if one cannot be, not at all. An older prediction, or file of a text that is None, is removed.
+    recording: the tracks of which it is, in C, for .trc and .c3d.
 
     Raises:
-        InputError: a file cannot be written, or the two names are one.
+        InputError: a file cannot be written, the two names are one, or a recording is missing or not in .trc or .c3d.
+        ComputationError: .trc or .c3d, and the status is not good.
     """
     path = Path(path)
     beside = path.with_suffix(".json")
@@ -40,7 +50,9 @@ def write_estimate(
     text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
     names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
     writing: dict[Path, Writer | None] = {
-        path: _path_writer(result, path),
+        path: _path_writer(result, path)
+        if path.suffix not in MARKER_FORMS
+        else _marker_writer(result, path, recording),
         beside: lambda stream: stream.write(text + "\n"),
         path.with_suffix(".prediction.csv"): None
         if prediction is None
@@ -62,6 +74,17 @@ def _path_writer(result: Estimate, path: Path) -> Writer:
         case ".zarr":
             return zarr(result.to_dataset())
     return _rows(names, _columns(result))
+
+
+def _marker_writer(result: Estimate, path: Path, recording: FeatureTracks | None) -> Writer:
+    if recording is None:
+        raise InputError(f"{path}: has a marker beside those of a recording, expected it")
+    if result.status is not Status.GOOD:
+        form = path.suffix[1:].upper()
+        raise ComputationError(
+            f"{path}: the estimate's status is {result.status}, which {form} cannot tell; -o EST.csv"
+        )
+    return writer_of_tracks(with_marker(recording, path.stem, result.time, result.position, str(path)), path)
 
 
 def _write_text(content: str, stream: TextIO) -> None:

@@ -7,6 +7,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.formats.markers import refuse_untold
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, decoded, read_bytes
@@ -59,9 +60,7 @@ def write_trc(tracks: FeatureTracks, name: str, stream: TextIO) -> None:
     Raises:
         InputError: they have covariances or an epoch, or a label a tab or line break, which TRC has no place for.
     """
-    for what, there in (("covariances", tracks.covariance is not None), ("an epoch", tracks.epoch is not None)):
-        if there:
-            raise InputError(f"{name}: found tracks with {what}, for which TRC has no place")
+    refuse_untold(tracks, name, "TRC")
     if bad := [label for label in tracks.labels if label != label.strip() or set(label) & set("\t\r\n") or not label]:
         raise InputError(f"{name}: found the label {bad[0]!r}, expected one without tabs, line breaks and blank ends")
     frames, m = len(tracks.time), len(tracks.labels)

@@ -1,12 +1,16 @@
 """Tracks and estimates into files, whose form their names tell."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from baryscope.estimator.formats.c3d_write import c3d_bytes
 from baryscope.estimator.formats.dataset import dataset_of_tracks, xarray_for
+from baryscope.estimator.formats.markers import MARKER_FORMS
+from baryscope.estimator.formats.trc import write_trc
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_of
@@ -20,25 +24,26 @@ WRITABLE = (".csv", ".parquet", ".nc", ".zarr")
 ENGINES = {".nc": "h5netcdf", ".zarr": "zarr"}
 
 
-def writable(path: AnyPath) -> Path:
-    """A path whose ending tells of a form that can be written.
+def writable(path: AnyPath, forms: tuple[str, ...] = WRITABLE) -> Path:
+    """A path whose ending tells of a form that can be written, one of `forms`: by default those with covariances.
 
     Raises:
         InputError: it does not, or what xarray needs for .nc or .zarr is missing.
     """
     ending = Path(path).suffix
-    if ending not in WRITABLE:
-        raise InputError(f"{path}: ends in {ending!r}, expected {', '.join(WRITABLE[:-1])} or {WRITABLE[-1]}")
+    if ending not in forms:
+        raise InputError(f"{path}: ends in {ending!r}, expected {', '.join(forms[:-1])} or {forms[-1]}")
     if ending in ENGINES:
         xarray_for(str(path), ENGINES[ending])
     return Path(path)
 
 
 def write_tracks(tracks: FeatureTracks, path: AnyPath) -> None:
-    """Write tracks as a .csv, .parquet or .nc file or a .zarr folder, so that `read_tracks` restores them.
+    """Write tracks as a .csv, .parquet, .nc, .trc or .c3d file or a .zarr folder, so that `read_tracks` restores them.
 
     Raises:
-        InputError: another ending, what xarray needs for .nc or .zarr is missing, or the file cannot be written.
+        InputError: another ending, what xarray needs for .nc or .zarr is missing, .trc or .c3d have no place for
+            something that they have, as covariances, or the file cannot be written.
         DiskError: the disk is full, or fails.
     """
     write_together({Path(path): writer_of_tracks(tracks, path)})
@@ -48,15 +53,20 @@ def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
     """What writes the file of `write_tracks`.
 
     Raises:
-        InputError: another ending, or what xarray needs for .nc or .zarr is missing.
+        InputError: another ending, or what xarray needs for .nc or .zarr is missing, or .c3d cannot hold them.
     """
-    match writable(path).suffix:
+    match writable(path, (*WRITABLE, *MARKER_FORMS)).suffix:
         case ".parquet":
             return parquet(_rows(tracks))
         case ".nc":
             return netcdf(dataset_of_tracks(tracks))
         case ".zarr":
             return zarr(dataset_of_tracks(tracks))
+        case ".trc":
+            return partial(write_trc, tracks, Path(path).name)
+        case ".c3d":
+            content = c3d_bytes(tracks, str(path))
+            return Whole(lambda place: place.write_bytes(content))
     return tracks.write_rows
 
 

@@ -5,17 +5,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from baryscope.estimator.document.files import write_estimate
-from baryscope.estimator.formats import Unit, read_tracks, writable
+from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, writable
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
 from baryscope.models.files import check_outputs
-from baryscope.models.words import counted
+from baryscope.models.words import counted, length
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
@@ -68,15 +69,16 @@ def estimate_file(
     report
         Write a .report.html file, too: scene in 3D, path, residuals and diagnostics, for a browser.
     output
-        The path of the centre of mass and its covariance, a .csv, .parquet or .nc file or a .zarr folder; all else goes
-        beside it, into a .json file, the report into a .report.html file, and a prediction into a .prediction.csv file.
-        Default: the tracks' name with .estimate.csv.
+        The path of the centre of mass and its covariance, a .csv, .parquet or .nc file or a .zarr folder; or the
+        recording with the centre of mass as one more marker, EST, for programs of motion capture, EST.trc or EST.c3d.
+        All else goes beside it, into a .json file, the report into a .report.html file, and a prediction into a
+        .prediction.csv file. Default: the tracks' name with .estimate.csv.
     """
     show, frames, forces = show or Show(), frames or FrameChoices(), forces or ForceChoices()
     prediction = prediction or PredictionChoices()
     if not tracks.name:
         raise InputError(f"{tracks}: is a folder, expected feature tracks")
-    output = writable(output or tracks.with_suffix(".estimate.csv"))
+    output = writable(output or tracks.with_suffix(".estimate.csv"), (*WRITABLE, *MARKER_FORMS))
     given = path or PathChoices(), screws or ScrewChoices(), forces.chosen()
     method, options = method_options(method, *given, orbit=frames.orbit is not None)
     frames.check(forces.acceleration)
@@ -88,7 +90,7 @@ def estimate_file(
     check_outputs(written, read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
-            data = read_tracks(tracks, units)
+            data = recorded = read_tracks(tracks, units)
             if features is not None:
                 data = named_features(data, features, "--features", LEAST_FEATURES)
             refuse_implausible(data, str(tracks))
@@ -109,13 +111,30 @@ def estimate_file(
     if report:
         page = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name))
         lines.append(f"report, for a browser: {report_file}")
-    write_estimate(result, output, predicted, {report_file: page})
+    markers = None
+    if output.suffix in MARKER_FORMS:
+        markers = known.inertial(recorded)
+        lines.append(_marker_line(result, output))
+    write_estimate(result, output, predicted, {report_file: page}, markers)
     if refused is not None:
         show.warn(f"no prediction: {refused.reason}")
     lines.append(f"more in {diagnostics}")
     document = json.loads(diagnostics.read_text(encoding="utf-8"))
     show.result(document, _headline(result, output), *(f"  {line}" for line in lines))
     return 0 if result.status.trustworthy and refused is None else UNTRUSTED
+
+
+def _marker_line(result: Estimate, path: Path) -> str:
+    """What a form of motion capture has, and the claim in the worst frame and direction, which it cannot tell."""
+    known = ""
+    if result.covariance is not None:
+        deviation = np.sqrt(np.linalg.eigvalsh(result.covariance)[:, -1])
+        worst = int(np.argmax(deviation))
+        known = (
+            f": ±{length(float(deviation[worst]))} in the worst direction where it is known least, at "
+            f"{result.time[worst]:g} s"
+        )
+    return f"it is the marker {path.stem} of {path}, which has no place for its claim{known}"
 
 
 def _headline(result: Estimate, path: Path) -> str:

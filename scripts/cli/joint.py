@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope import __version__
-from baryscope.estimator.formats import Unit, read_tracks, write_trc
+from baryscope.estimator.formats import MARKER_FORMS, Unit, read_tracks, with_marker, writable, writer_of_tracks
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.plausibility import refuse_implausible, width_of
 from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
@@ -25,7 +25,7 @@ from baryscope.scripts.cli.console import Show
 from baryscope.scripts.cli.options.features import named_features
 from baryscope.table import Table
 
-FORMS = (".csv", ".trc")
+FORMS = (".csv", *MARKER_FORMS)
 LEAST = 3  # markers of a body
 AXIS_COLUMNS = ("axis_x", "axis_y", "axis_z")  # of a hinge: a unit vector
 WIDE = 20.0  # m; the longest arm with a joint, that of the International Space Station, is shorter
@@ -68,14 +68,12 @@ def find_joint(
     output
         The centre at every time that shows both bodies, and its covariance (the columns of an estimate of `baryscope
         estimate`), and a hinge's axis, axis_x, axis_y and axis_z, OUT.csv; or the recording with the centre as one more
-        marker, OUT, for programs of motion capture, OUT.trc. The report goes beside it, OUT.report.html.
+        marker, OUT, for programs of motion capture, OUT.trc or OUT.c3d. The report goes beside it, OUT.report.html.
     """
     show = show or Show()
     written = []
     if output is not None:
-        if output.suffix not in FORMS:
-            raise InputError(f"{output}: expected a name that ends in {' or '.join(FORMS)}")
-        written = [output, output.with_suffix(".report.html")]
+        written = [writable(output, FORMS), output.with_suffix(".report.html")]
         check_outputs(written, [tracks])
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
@@ -96,7 +94,7 @@ def find_joint(
     if output is not None:
         page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name)) if report else ""
         writers: list[Writer | None] = [
-            _marker_writer(found, data, output) if output.suffix == ".trc" else partial(_write_path, found),
+            _marker_writer(found, data, output) if output.suffix in MARKER_FORMS else partial(_write_path, found),
             (lambda stream: stream.write(page)) if report else None,
         ]
         write_together(dict(zip(written, writers, strict=True)))
@@ -109,21 +107,18 @@ def find_joint(
 
 
 def _marker_writer(found: Joint, data: FeatureTracks, output: Path) -> Writer:
-    """What writes the recording as TRC, with the centre as one more marker.
+    """What writes the recording with the centre as one more marker.
 
     Raises:
-        InputError: a marker has its name.
-        ComputationError: the centre is hardly known in a direction, which TRC has no place to tell.
+        InputError: a marker has its name, or the form cannot hold the recording.
+        ComputationError: the centre is hardly known in a direction, which the form has no place to tell.
     """
     if not found.observable:
-        raise ComputationError(f"{output}: the centre is hardly known along an axis, which TRC cannot tell; -o OUT.csv")
-    if output.stem in data.labels:
-        raise InputError(f"{output}: the recording has a marker {output.stem}, as the centre would be named")
-    centre = np.full((len(data.time), 1, 3), np.nan)
-    centre[np.isin(data.time, found.time), 0] = found.position
-    labels = (*data.labels, output.stem)
-    tracks = FeatureTracks(data.time, np.concatenate([data.position, centre], axis=1), labels, epoch=data.epoch)
-    return partial(write_trc, tracks, output.name)
+        form = output.suffix[1:].upper()
+        raise ComputationError(
+            f"{output}: the centre is hardly known along an axis, which {form} cannot tell; -o OUT.csv"
+        )
+    return writer_of_tracks(with_marker(data, output.stem, found.time, found.position, str(output)), output)
 
 
 def _write_path(found: Joint, stream: TextIO) -> None:

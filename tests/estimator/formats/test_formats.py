@@ -370,7 +370,7 @@ def test_what_is_written_is_read(tracks, precise, tmp_path, ending):
         back = read_tracks(tmp_path / f"t{ending}")
         same(back, one)
         assert back.epoch == one.epoch
-    with pytest.raises(InputError, match=r"ends in '.txt', expected .csv, .parquet, .nc or .zarr"):
+    with pytest.raises(InputError, match=r"ends in '.txt', expected .csv, .parquet, .nc, .zarr, .trc or .c3d"):
         write_tracks(tracks, tmp_path / "t.txt")
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"t{ending}"]
 

@@ -4,12 +4,13 @@ import csv
 import json
 import re
 
+import ezc3d
 import numpy as np
 import polars
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import FeatureTracks, PathOptions, estimate
+from baryscope.estimator import FeatureTracks, PathOptions, estimate, read_tracks, write_tracks
 from baryscope.scripts.cli import app
 from synthetic import box_features
 
@@ -59,6 +60,53 @@ def test_tracks_in_millimetres_and_in_another_form(tracks, tmp_path, capsys):
         assert app.main(["estimate", str(path), *options]) == 0
     metres, millimetres = (polars.read_csv(tmp_path / f"{units}.csv").to_numpy() for units in ("m", "mm"))
     np.testing.assert_allclose(millimetres, metres, rtol=1e-6, atol=1e-9)
+
+
+@pytest.fixture
+def probe(tmp_path, monkeypatch):
+    """Marks of a probe that turns about its tip, at rest at (120, 40, 900) mm, and of a table, from 2 s on at 50 Hz."""
+    monkeypatch.chdir(tmp_path)
+    rng, time = np.random.default_rng(1), np.arange(100, 300) / 50
+    turn = Rotation.from_rotvec(0.5 * np.sin(2 * np.pi * time[:, None] * [0.3, 0.5, 0.2])).as_matrix()
+    marks = np.array([[0.0, 0.0, 0.2], [0.06, 0.0, 0.22], [0.0, 0.06, 0.24], [0.03, 0.03, 0.3]])
+    points = [0.12, 0.04, 0.9] + marks @ np.swapaxes(turn, 1, 2)
+    still = np.broadcast_to([[0.5, 0.0, 0.8]], (200, 1, 3))
+    position = np.concatenate([points, still], axis=1) + 2e-4 * rng.standard_normal((200, 5, 3))
+    position[7, 4] = np.nan
+    tracks = FeatureTracks(time, position, [*"abcd", "table"])
+    for form in ("trc", "c3d"):
+        write_tracks(tracks, f"probe.{form}")
+    return tracks
+
+
+def test_the_centre_is_one_more_marker_for_programs_of_motion_capture(probe, capsys):
+    """The recording as it was, with the path of the CSV file beside it; C3D as ezc3d reads it."""
+    command = ["--features", "a,b,c,d", "--trajectory", "fixed", "--no-report", "-o"]
+    assert app.main(["estimate", "probe.c3d", *command, "tip.csv"]) == 0
+    path = polars.read_csv("tip.csv").select("x", "y", "z").to_numpy()
+    capsys.readouterr()
+    for form in ("trc", "c3d"):
+        assert app.main(["estimate", f"probe.{form}", *command, f"tip.{form}"]) == 0
+        assert f"it is the marker tip of tip.{form}, which has no place for its claim: ±" in capsys.readouterr().out
+        found = read_tracks(f"tip.{form}")
+        assert found.labels == (*probe.labels, "tip")
+        np.testing.assert_allclose(found.time, probe.time, atol=1e-9)
+        np.testing.assert_allclose(found.position[:, :5], probe.position, rtol=1e-6)  # C3D is in single precision
+        np.testing.assert_allclose(found.position[:, 5], path, rtol=1e-6)
+    binary = ezc3d.c3d("tip.c3d")
+    assert binary["parameters"]["POINT"]["LABELS"]["value"] == [*probe.labels, "tip"]
+    np.testing.assert_allclose(binary["data"]["points"][:3, 5].T, 1e3 * path, rtol=1e-6)
+
+
+def test_a_centre_that_a_marker_cannot_tell_is_refused(tracks, probe, capsys):
+    """A spin about one axis leaves it open along that; a marker of its name is there already."""
+    for form in ("trc", "c3d"):
+        assert app.main(["estimate", str(tracks), "--trajectory", "fixed", "-q", "-o", f"e.{form}"]) == 1
+        expected = f"e.{form}: the estimate's status is not observable, which {form.upper()} cannot tell; -o EST.csv"
+        assert expected in capsys.readouterr().err
+        assert not list(tracks.parent.glob("e.*"))
+    assert app.main(["estimate", "probe.trc", "--features", "a,b,c,d", "-q", "-o", "table.c3d"]) == 2
+    assert "table.c3d: the recording has a marker table, as the centre would be named" in capsys.readouterr().err
 
 
 TLE = """\

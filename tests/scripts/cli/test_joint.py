@@ -3,6 +3,7 @@
 import csv
 import json
 
+import ezc3d
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -39,7 +40,7 @@ def test_the_centre_is_written_at_every_time(recorded, capsys):
 
 
 def test_the_centre_is_one_more_marker_for_programs_of_motion_capture(recorded, capsys):
-    """As in the CSV file, in TRC's mm; a hinge's, which is decimetres off along its axis, has no place there."""
+    """As in the CSV file, in mm; a hinge's, which is decimetres off along its axis, has no place there."""
     command = ["--parent", PARENT, "--child", CHILD, "-q", "-o"]
     assert app.main(["joint", "ball.csv", *command, "hip.trc"]) == 0
     assert app.main(["joint", "ball.csv", *command, "hip.csv"]) == 0
@@ -48,10 +49,15 @@ def test_the_centre_is_one_more_marker_for_programs_of_motion_capture(recorded, 
     found = np.array([[float(cell) for cell in row[column : column + 3]] for row in rows[6:]])
     expected = np.loadtxt(recorded / "hip.csv", delimiter=",", skiprows=1)[:, 1:4]
     np.testing.assert_allclose(found, 1e3 * expected, atol=1e-6)
+    assert app.main(["joint", "ball.csv", *command, "hip.c3d"]) == 0
+    binary = ezc3d.c3d(str(recorded / "hip.c3d"))
+    assert binary["parameters"]["POINT"]["LABELS"]["value"][-1] == "hip"
+    np.testing.assert_allclose(binary["data"]["points"][:3, -1].T, 1e3 * expected, rtol=1e-6)  # single precision
     capsys.readouterr()
-    assert app.main(["joint", "hinge.csv", *command, "knee.trc"]) == 1
-    assert "the centre is hardly known along an axis, which TRC cannot tell" in capsys.readouterr().err
-    assert not (recorded / "knee.trc").exists()
+    for form in ("trc", "c3d"):
+        assert app.main(["joint", "hinge.csv", *command, f"knee.{form}"]) == 1
+        assert f"the centre is hardly known along an axis, which {form.upper()} cannot tell" in capsys.readouterr().err
+        assert not (recorded / f"knee.{form}").exists()
 
 
 def test_a_report_of_an_older_result_is_removed(recorded):
@@ -174,7 +180,7 @@ def test_markers_too_near_to_a_line_are_told(recorded, capsys):
     (["--child", "ca,cb"], "--child: found 2 markers, expected at least 3"),
     (["--child", "ca,cb,cb"], "--child: found 'cb' twice"),
     (["--child", CHILD, "--parent", "ca,pb,pc"], "--parent and --child: found ca in both"),
-    (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv or .trc"),
+    (["--child", CHILD, "-o", "out.txt"], "out.txt: ends in '.txt', expected .csv, .trc or .c3d"),
     (["--child", CHILD, "-o", "ca.trc"], "ca.trc: the recording has a marker ca"),
 ])  # fmt: skip
 def test_wrong_markers_are_one_line(recorded, capsys, arguments, words):
