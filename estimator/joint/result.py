@@ -7,7 +7,7 @@ import numpy as np
 
 from baryscope.estimator.adjustment.autocorrelation import integrated_autocorrelation
 from baryscope.estimator.geometry.symmetric import made_definite
-from baryscope.estimator.joint.bodies import Pair
+from baryscope.estimator.joint.bodies import Body, Pair
 from baryscope.estimator.tracks import FloatArray, IntArray
 from baryscope.models.words import counted, length
 
@@ -135,9 +135,17 @@ class Joint:
         return np.asarray(both / np.linalg.norm(both, axis=1, keepdims=True))
 
     @property
+    def parent_axes_time(self) -> float | None:
+        """As `child_axes_time`, of the parent; None without one, whose axes are those of the tracks."""
+        return None if self.pair.parent is None else self._axes_time(self.pair.parent)
+
+    @property
     def child_axes_time(self) -> float:
         """s, of the frame in which the child's axes are those of the tracks, nearly: noise turns them a little."""
-        return float(self.time[np.argmax(self.pair.child.weights.all(axis=1))])
+        return self._axes_time(self.pair.child)
+
+    def _axes_time(self, body: Body) -> float:
+        return float(self.time[np.argmax(body.weights.all(axis=1))])
 
     @property
     def position_covariance(self) -> FloatArray:

@@ -4,7 +4,7 @@ import csv
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated, Literal, TextIO
 
 import numpy as np
 from cyclopts import Parameter
@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from baryscope import __version__
 from baryscope.estimator.formats import MARKER_FORMS, Unit, read_tracks, with_marker, writable, writer_of_tracks
 from baryscope.estimator.joint import Joint, Method, joint
+from baryscope.estimator.limits import FINEST
 from baryscope.estimator.plausibility import refuse_implausible, width_of
 from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
@@ -29,6 +30,7 @@ FORMS = (".csv", *MARKER_FORMS)
 LEAST = 3  # markers of a body
 AXIS_COLUMNS = ("axis_x", "axis_y", "axis_z")  # of a hinge: a unit vector
 WIDE = 20.0  # m; the longest arm with a joint, that of the International Space Station, is shorter
+DIGITS = 4  # of metres and unit vectors, or more
 UNSTEADY = 0.1  # rad, standard deviation of a body's attitudes that is worth a word
 
 
@@ -134,20 +136,12 @@ def _write_path(found: Joint, stream: TextIO) -> None:
 
 def _words(found: Joint, frames: int) -> list[str]:
     """The result in a few lines; of a recording of so many frames."""
-    values, axes = np.linalg.eigh(found.covariance[3:, 3:])
-    claim, weakest = np.sqrt(values), axes[:, 2]
-    if found.hinge_axis is not None:
-        weakest = np.copysign(1.0, weakest @ found.hinge_axis.in_child) * weakest
     kind = "a centre of rotation"
     if found.hinge:
         kind = "a hinge: along its axis its centre is hardly known"
     elif not found.observable:
         kind += ", hardly known: the bodies turn too little against each other, or as their skin slides"
-    lines = [
-        kind,
-        f"  in the child, from its markers' centroid: ({_vector(found.in_child)}) m, ±{length(claim[2])} along "
-        f"({_vector(weakest)}), ±{length(claim[1])} across",
-    ]
+    lines = [kind, _place_words(found, "parent"), _place_words(found, "child")]
     if found.hinge_axis is not None:
         axis = found.hinge_axis
         lines.append(
@@ -158,7 +152,9 @@ def _words(found: Joint, frames: int) -> list[str]:
             "  skin that follows the angle looks like a centre elsewhere: 1 mm rms of it, "
             f"{axis.leverage:.2g} mm across the axis; the claim guesses it from the slide that shows"
         )
-    lines.append(f"  the child's axes are those of the file at {found.child_axes_time:g} s; its markers in them, below")
+    for which, at in (("parent", found.parent_axes_time), ("child", found.child_axes_time)):
+        if at is not None:
+            lines.append(f"  the {which}'s axes are those of the file at {at:g} s; its markers in them, below")
     lines.append(
         f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "
         f"{found.correlation_time:.2g} s at a time: {len(found.time)} frames weigh as {found.effective_frames:.0f}"
@@ -188,6 +184,26 @@ def _words(found: Joint, frames: int) -> list[str]:
     return lines
 
 
+def _place_words(found: Joint, which: Literal["parent", "child"]) -> str:
+    """The centre in a body, or in the room, to two digits of its claim, and the claim along and across the direction in
+    which it is least certain.
+    """
+    child, axis = which == "child", found.hinge_axis
+    block = slice(3, 6) if child else slice(0, 3)
+    values, axes = np.linalg.eigh(found.covariance[block, block])
+    claim, weakest = np.sqrt(values), axes[:, 2]
+    if axis is not None:
+        weakest = np.copysign(1.0, weakest @ (axis.in_child if child else axis.in_parent)) * weakest
+    where = f"in the {which}, from its markers' centroid"
+    if not child and found.pair.parent is None:
+        where = "in the room, in the file's axes"
+    digits = max(DIGITS, 1 - int(np.floor(np.log10(max(claim[0], FINEST)))))
+    return (
+        f"  {where}: ({_vector(found.in_child if child else found.in_parent, digits)}) m, ±{length(claim[2])} along "
+        f"({_vector(weakest)}), ±{length(claim[1])} across"
+    )
+
+
 def _doubted_unit(*bodies: FeatureTracks | None) -> list[str]:
     """What to say of a body that is wider than any with a joint, in a line."""
     widest = max(width_of(body) or 0.0 for body in bodies if body is not None)
@@ -196,8 +212,8 @@ def _doubted_unit(*bodies: FeatureTracks | None) -> list[str]:
     return [f"  a body's markers are about {widest:.0f} m apart: in millimetres? Then --units mm"]
 
 
-def _vector(values: FloatArray) -> str:
-    return ", ".join(f"{value:.4f}" for value in values)
+def _vector(values: FloatArray, digits: int = DIGITS) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values)
 
 
 def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> dict[str, object]:

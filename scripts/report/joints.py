@@ -118,7 +118,7 @@ def marker_sheet(bodies: list[tuple[str, FeatureTracks, Body]]) -> Sheet:
         (
             which,
             label,
-            *(f"{1e3 * value:.1f}" for value in body.markers[k].tolist()),
+            *(f"{1e3 * value:.2f}" for value in body.markers[k].tolist()),
             str(int(body.weights[:, k].sum())),
             str(int(body.left_out[:, k].sum())),
             millimetres(float(body.rms[k])),

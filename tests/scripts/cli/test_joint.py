@@ -2,13 +2,14 @@
 
 import csv
 import json
+import re
 
 import ezc3d
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import FeatureTracks
+from baryscope.estimator import FeatureTracks, write_tracks
 from baryscope.scripts.cli import app
 from joints import TIME, both_bodies, recording
 
@@ -141,13 +142,46 @@ def test_the_centre_is_told_in_axes_that_are_told(recorded, capsys):
     assert app.main(["joint", "gaps.csv", "--parent", PARENT, "--child", CHILD]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "  the child's axes are those of the file at 0.14 s; its markers in them, below" in lines
+    assert "  the parent's axes are those of the file at 0 s; its markers in them, below" in lines
     assert any("40 of 600 frames are not used" in line for line in lines)
     rows = {cells[1]: cells[2:] for line in lines if (cells := line.split()) and cells[0] in ("parent", "child")}
     seen = position[7, [tracks.labels.index(label) for label in CHILD.split(",")]]
     told = np.array([[float(cell) for cell in rows[label][:3]] for label in CHILD.split(",")])
     # Half a digit, and two markers' noise of 0.25 mm: that of the frame, and what its attitude is off at the markers.
-    np.testing.assert_allclose(told, 1000 * (seen - seen.mean(axis=0)), atol=4 * np.sqrt(2) * 0.25 + 0.05)
+    np.testing.assert_allclose(told, 1000 * (seen - seen.mean(axis=0)), atol=4 * np.sqrt(2) * 0.25 + 0.005)
     assert [rows[label][3] for label in CHILD.split(",")] == ["560", "553", "560", "560"]
+
+
+def test_a_probe_s_tip_is_told_in_the_room_and_in_its_own_axes(tmp_path, monkeypatch, capsys):
+    """A pivot calibration, from what is printed alone: the tip in the room, and in the probe by the markers that stand
+    with it, each with its claim. The true tool is turned onto these (Kabsch), which are to 0.01 mm.
+    """
+    monkeypatch.chdir(tmp_path)
+    tool = np.array([[0.0, 0.0, 0.2], [0.06, 0.0, 0.22], [0.0, 0.06, 0.24], [0.03, 0.03, 0.3]])  # from its tip
+    rest, phase = np.array([0.12, 0.04, 0.9]), np.array([0.3, 0.5, 0.2])
+    squares = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        turn = Rotation.from_rotvec(0.5 * np.sin(2 * np.pi * phase * TIME[:, None] + rng.uniform(0, 7, 3))).as_matrix()
+        marks = rest + tool @ np.swapaxes(turn, 1, 2) + 2e-4 * rng.standard_normal((len(TIME), 4, 3))
+        write_tracks(FeatureTracks(TIME, marks, tuple("abcd")), "probe.c3d")
+        assert app.main(["joint", "probe.c3d", "--child", "a,b,c,d", "-q"]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        told = re.compile(
+            r"in the (room, in the file's axes|child, .*): \((.*)\) m, ±(.*) mm along \(.*\), ±(.*) mm across"
+        )
+        (_, room, *claim), (_, own, *own_claim) = (one.groups() for line in lines if (one := told.search(line)))
+        markers = [[float(cell) for cell in line.split()[2:5]] for line in lines if line.startswith("child")]
+        to_own, _ = Rotation.align_vectors(np.array(markers), tool - tool.mean(axis=0))
+        errors = numbers(room) - rest, numbers(own) - to_own.apply(-tool.mean(axis=0))
+        for error, (along, across) in zip(errors, (claim, own_claim), strict=True):
+            squares.append(1e6 * error @ error / (float(along) ** 2 + 2 * float(across) ** 2))
+    # Of an error with that covariance 1 on average, with a deviation below √2; sixteen, of which two go together.
+    assert 0.2 < np.mean(squares) < 1 + 4 * np.sqrt(2 / 8)
+
+
+def numbers(text):
+    return np.array([float(cell) for cell in text.split(", ")])
 
 
 def test_a_hinge_is_named(recorded, capsys):
