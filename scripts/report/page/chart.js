@@ -50,8 +50,8 @@ function chartOf(part) {
     let [low, high] = extent(values, part.log);
     if (part.log) {
       low = Math.max(low, high * 1e-8);
-      const above = part.levels.length ? Math.max(1.25, (high / low) ** 0.08) : 1.25; // room for the words of the highest level
-      return low * 1.5 > high ? [low / 3, high * 3] : [low / 1.25, high * above];
+      const room = part.levels.length ? Math.max(1.25, (high / low) ** 0.1) : 1.25; // for the words of the levels
+      return low * 1.5 > high ? [low / 3, high * 3] : [low / room, high * room];
     }
     const margin = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
     return [low - margin, high + margin];
@@ -101,9 +101,16 @@ function chartOf(part) {
     ...part.levels.map(([value]) => draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) })),
     ...part.marks.map(([value]) => draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom })),
   ];
+  // From a level to the foot of its words: above it, but below the lowest, and where the next one leaves them no room.
+  function besideLevel(value) {
+    const others = part.levels.map((one) => one[0]).filter((other) => other !== value);
+    const next = Math.min(...others.filter((other) => other > value));
+    const below = others.every((other) => other > value) || yAt(value) - yAt(next) < LINE;
+    return others.length && below ? 14 : -6;
+  }
   // Of levels and marks: over the curves, and inside of the frame.
   const names = () => [
-    ...part.levels.map(([value, text]) => draw("text", { x: size.width - size.right - 6, y: yAt(value) - 4, "text-anchor": "end", text })),
+    ...part.levels.map(([value, text]) => draw("text", { x: size.width - size.right - 6, y: yAt(value) + besideLevel(value), "text-anchor": "end", text })),
     ...part.marks.map(([value, text], k) => {
       const x = axes.x.at(value), before = x + 5 + text.length * LETTER > size.width - size.right;
       return draw("text", { x: before ? x - 5 : x + 5, y: size.top + 14 + 15 * k, "text-anchor": before ? "end" : "start", text });

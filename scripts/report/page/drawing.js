@@ -18,6 +18,7 @@ const draw = (tag, attributes, ...children) => add(document.createElementNS(SVG,
 // In units of a picture's own: on a narrow screen as many as it has pixels beside margins, so that its words stay legible.
 const pictureWidth = () => Math.min(1000, Math.max(280, window.innerWidth - 72));
 const LETTER = 7.2; // the width of a digit in a picture's words
+const LINE = 18; // the height of a line of words, with what is free above and below them
 
 // A name of so many letters at most, without its middle: names often differ at their ends alone.
 function shortened(text, most) {

@@ -1,7 +1,7 @@
 """Reports are legible: on a phone as on a desk, with long names, long numbers, and points at the edges."""
 
+import itertools
 import json
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from browser import PROGRAM, Browser
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium (Debian's package chromium)")
 
+HALO = 1.5  # px, around letters in pictures (page.css): it hides what of a line is nearer
 TIME = 1.7e9 + np.arange(0.0, 100.0)
 NAMES = tuple(f"Subject of the first session: marker number {k}" for k in range(12))
 
@@ -81,9 +82,30 @@ def test_nothing_is_wider_than_the_screen_and_words_are_apart(page, width):
             assert box[1] > top - 1, text
             assert box[2] < right + 1, text
             assert box[3] < bottom + 1, text
-        for (one, a), (other, b) in combinations(found["words"], 2):
+        for (one, a), (other, b) in itertools.combinations(found["words"], 2):
             apart = a[2] < b[0] + 1 or b[2] < a[0] + 1 or a[3] < b[1] + 4 or b[3] < a[1] + 4
             assert apart, (title, one, other)
+
+
+@pytest.mark.parametrize(("least", "most"), [(1.0, 5.0), (1e-3, 5.0), (1e-6, 100.0), (1e-2, 1e6), (1e-7, 1e-1)])
+def test_words_of_levels_are_between_their_lines(page, tmp_path, least, most):
+    """Over up to eight decades, where the upper two of three lines are thirteen pixels apart."""
+    browser, _ = page
+    chart = nees_chart((Series("nees", TIME, np.geomspace(least, most, 100), 5),), "")
+    browser.open(write_report(Report("NEES", "", "0", (chart,)), tmp_path / "report.html"))
+    found = words_of(browser, chart.title)
+    words = [(text, box) for text, box in found["words"] if text in {"2.5 %", "3 expected", "97.5 %"}]
+    assert len(words) == 3
+    lines = browser.value("[...document.querySelectorAll('svg line.level')].map((o) => o.getBoundingClientRect().top)")
+    for (text, (_, top, _, bottom)), y in itertools.product(words, lines):
+        assert not top - HALO < y < bottom + HALO, (text, top, y, bottom)
+    for (one, a), (other, b) in itertools.combinations(words, 2):
+        assert a[3] < b[1] + 2 or b[3] < a[1] + 2, (one, other)
+    frame = browser.value(
+        "(({ top, bottom }) => [top, bottom])(document.querySelector('svg rect.axis').getBoundingClientRect())"
+    )
+    for text, (_, top, _, bottom) in words:
+        assert frame[0] <= top < bottom <= frame[1], text
 
 
 def test_names_that_differ_at_their_ends_are_told_apart(page):
