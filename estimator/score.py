@@ -122,8 +122,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
     `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes; frames that have the same
     errors of the features count as one. It is wrong if the centre moves, which the findings tell; unless a trajectory
-    is told, it has the motion that the residuals do not show, but do not exclude, as large as the noise of a frame. A
-    sigma in the options is not used.
+    is told, it has the motion that the residuals show, or do not exclude: polynomials of time, of which the noise of a
+    frame is the prior. A sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`, or a singular covariance.
@@ -150,7 +150,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     joint, constant = _joint_covariance(registered, inliers, fit, lasting), np.ones((len(position), 1))
     of_offsets, of_centre = _of_offsets(joint, len(bodies)), _of_centre(joint, constant)
     findings = _findings(registered, inliers, tracks.time, fit, ground.path, lasting)
-    if not findings and options.trajectory is None:
+    if options.trajectory is None:
         drift = _drift(registered, tracks.time)
         free = solve_score(registered, drift)
         joint = _joint_covariance(registered, inliers, free, lasting)
