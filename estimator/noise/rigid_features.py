@@ -49,9 +49,9 @@ class WindowMeans:
     """Mean residuals of features in windows, in axes of the body, of those features that are seen often enough.
 
     features (m,): their indices in the estimate; arms (m, 3): places on the body, of rms 1; information (k, m, 3, 3) of
-    each mean, 0 where a feature is not seen, and weighted (k, m, 3), that times the mean, in units of the variance that
-    a feature's white noise within the windows shows; excess (m,): the mean squares in these units, over those of white
-    noise, of so many degrees of freedom (m,).
+    each mean if a feature's errors were white noise as within the windows, 1/m², 0 where a feature is not seen, and
+    weighted (k, m, 3), that times the mean; excess (m,): the mean squares over those of white noise, of so many degrees
+    of freedom (m,).
     """
 
     features: IntArray
@@ -87,18 +87,23 @@ class WindowMeans:
         known = between > 0
         if known.sum() <= FEWEST_POINTS:
             return None
-        squares = _squares(information, weighted).sum(axis=0)
-        inner = own.squares.sum(axis=0) - squares
+        inner = own.squares.sum(axis=0) - _squares(information, weighted).sum(axis=0)
         of_all = max(float(inner.sum() / within.sum()), np.finfo(float).tiny)
-        variance = ((inner + COMMON * of_all) / (within + COMMON))[known]
-        seen, covariance = seen[:, known] > 0, variance[:, None, None] * _inverses(information[:, known])
-        mean = (covariance @ (weighted[:, known] / variance[:, None])[..., None])[..., 0]
-        second_order = (variance * own.spread[known] / own.radius) ** 2
-        covariance += second_order[:, None, None] * np.eye(3)
-        information = np.where(seen[..., None, None], _inverses(covariance), 0.0)
-        weighted = (information @ mean[..., None])[..., 0]
-        excess = _squares(information, weighted).sum(axis=0) / between[known]
-        return cls(features[known], own.arms[known], information, weighted, excess, between[known])
+        variance = (inner + COMMON * of_all) / (within + COMMON)
+        inverse = _inverses(information)
+        second_order = (variance * own.spread / own.radius) ** 2
+        covariance = variance[:, None, None] * inverse + second_order[:, None, None] * np.eye(3)
+        precision = np.where((seen > 0)[..., None, None], _inverses(covariance), 0.0)
+        weighed = (precision @ inverse @ weighted[..., None])[..., 0]
+        excess = _squares(precision, weighed).sum(axis=0) / np.maximum(between, 1.0)
+        return cls(features, own.arms, precision, weighed, excess, between)._of(known)
+
+    def _of(self, known: BoolArray) -> "WindowMeans":
+        """Those of some of the features (m,)."""
+        information, weighted = self.information[:, known], self.weighted[:, known]
+        return WindowMeans(
+            self.features[known], self.arms[known], information, weighted, self.excess[known], self.freedom[known]
+        )
 
     @property
     def suspicious(self) -> bool:
