@@ -1,8 +1,8 @@
 """CasADi functions evaluated for many points at once, by NumPy over columns.
 
-`casadi.Function.map` evaluates the points one after the other and converts the results number by number. Here each
-instruction of the function runs once, over all points. This is several times faster, and the formula is still written
-once. For few points of a long function `map` is faster, and is used.
+For many points each instruction of the function runs once, over all points. For few CasADi's own virtual machine is
+faster: it goes from point to point, and reads and writes NumPy's memory, as to convert numbers one by one, which a call
+of a `casadi.Function` does, takes longer than to evaluate them. Either way the formula is written once.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,8 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_HYPOT: np.hypot,
 }
 BLOCK = 16384  # points at a time: many for one call of NumPy, few for the processor's cache
-FEW, LONG = 120, 200  # up to so many points of functions of at least so many instructions CasADi's map is faster
+# Up to so many points CasADi is faster, as timeit on `relative_path` tells: NumPy needs time to begin an instruction.
+FEW = 180
 
 
 class ColumnFunction:
@@ -58,8 +59,9 @@ class ColumnFunction:
         self.shape = function.size_out(0)
         self.input_rows = [function.nnz_in(index) for index in range(function.n_in())]
         sparsity = function.sparsity_out(0)
-        self._places = list(zip(sparsity.row(), sparsity.get_col(), strict=True))
+        self._places = sparsity.row(), sparsity.get_col()
         self._constants, self._steps = _program(function)
+        self._mapped: dict[int, Any] = {}  # at most FEW, as to make one takes longer than to evaluate it
 
     def __call__(self, *arguments: ArrayLike) -> FloatArray:
         """Evaluate.
@@ -78,12 +80,23 @@ class ColumnFunction:
             if values.ndim not in (1, 2) or len(values) != rows:
                 raise ValueError(f"{self.name}: argument {index} has the shape {values.shape}, expected {rows} rows")
         n = next((values.shape[1] for values in inputs if values.ndim == 2), 1)
-        if 0 < n <= FEW and len(self._steps) >= LONG:
-            mapped = np.asarray(self._function.map(n)(*inputs))
-            result = mapped.reshape(self.shape[0], n, self.shape[1]).swapaxes(0, 1)
-        else:
-            result = self._over_columns(inputs, n)
+        result = self._point_by_point(inputs, n) if 0 < n <= FEW else self._over_columns(inputs, n)
         return result[:, :, 0] if self.shape[1] == 1 else result
+
+    def _point_by_point(self, inputs: list[FloatArray], n: int) -> FloatArray:
+        if n not in self._mapped:
+            self._mapped[n] = self._function.map(n)
+        buffer, evaluate = self._mapped[n].buffer()
+        points = [np.array(np.broadcast_to(values.T, (n, len(values))), order="C") for values in inputs]
+        nonzeros = np.empty((n, self._function.nnz_out(0)))
+        for index, values in enumerate(points):
+            buffer.set_arg(index, values.data)
+        buffer.set_res(0, nonzeros.data)
+        evaluate()
+        result = np.zeros((n, *self.shape))
+        row, column = self._places
+        result[:, row, column] = nonzeros
+        return result
 
     def _over_columns(self, inputs: list[FloatArray], n: int) -> FloatArray:
         result = np.zeros((n, *self.shape))
@@ -99,7 +112,7 @@ class ColumnFunction:
 
         memory: (places, n), for intermediate columns; allocating each would cost more than the operations.
         """
-        nonzeros = [result[:, row, column] for row, column in self._places]
+        nonzeros = [result[:, row, column] for row, column in zip(*self._places, strict=True)]
         columns, numbers = [*memory, *nonzeros], [*(np.empty(()) for _ in memory), *nonzeros]
         values = [*rows, *self._constants]
         for operation, first, second, place in self._steps:
