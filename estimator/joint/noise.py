@@ -227,27 +227,32 @@ class _Reduced:
     def over_variance(self, variances: FloatArray, index: int, ceiling: float, p: int) -> tuple[FloatArray, float]:
         """By how much the covariance (p, p) of the unknowns grows as a group's variance is not known, and its mean.
 
-        ceiling: its greatest variance.
+        ceiling: its greatest variance. C is the covariance of all for the variance v; along the axes of the group's
+        part of C, of variances s, w are its columns (q,). Another variance v′ moves the mean by −w δ/(1 + δ s) wᵀ rhs
+        and the covariance by −w δ/(1 + δ s) wᵀ, with δ = 1/v′ − 1/v (Woodbury), and divides its determinant by 1 + δ s.
         """
-        middle, own = self.posterior(variances)
-        at_best = self.likelihood(variances, middle, own)
-        found = [(1.0, float(variances[index]), middle[:p], own[:p, :p])]
-        for ratio in (STEP, 1 / STEP):
-            other = variances.copy()
-            for _ in range(MOST_STEPS):
-                other[index] *= ratio
-                if other[index] > ceiling:
-                    break
-                mean, covariance = self.posterior(other)
-                weight = float(np.exp(min(self.likelihood(other, mean, covariance) - at_best, 0.0)))
-                if weight < LEAST_SHARE:
-                    break
-                found.append((weight, float(other[index]), mean[:p], covariance[:p, :p]))
-        total = sum(weight for weight, *_ in found)
-        second = sum(w * (of + np.outer(mean - middle[:p], mean - middle[:p])) for w, _, mean, of in found) / total
-        values, vectors = np.linalg.eigh(second - own[:p, :p])
-        mean_variance = sum(weight * variance for weight, variance, *_ in found) / total
-        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T), mean_variance
+        covariance = self.posterior(variances)[1]
+        own = self.group == index
+        s, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
+        s = np.clip(s, 0.0, variances[index])  # a posterior variance is between, but for rounding
+        w = covariance[:, own] @ axes
+        along = w.T @ self.rhs
+        ratio = STEP ** np.arange(-MOST_STEPS, MOST_STEPS + 1.0)
+        others = variances[index] * ratio
+        delta = (1 / others - 1 / variances[index])[:, None]
+        grown = 1 + delta * s
+        lost = delta / grown
+        gain = -0.5 * (lost @ along**2 + np.log(grown).sum(axis=1) + len(s) * np.log(ratio))
+        weight = np.exp(np.minimum(gain, 0.0))
+        ended = (others > ceiling) | (weight < LEAST_SHARE)
+        below, above = np.flatnonzero(ended[:MOST_STEPS]), np.flatnonzero(ended[MOST_STEPS + 1 :])
+        weight[: below.max(initial=-1) + 1] = 0.0
+        weight[MOST_STEPS + 1 + above.min(initial=MOST_STEPS) :] = 0.0
+        weight /= weight.sum()
+        shift = lost @ (w[:p] * along).T
+        growth = (shift.T * weight) @ shift - (w[:p] * (weight @ lost)) @ w[:p].T
+        values, vectors = np.linalg.eigh(growth)
+        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T), float(weight @ others)
 
 
 def _pooled(values: FloatArray) -> FloatArray:
