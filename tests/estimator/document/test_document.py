@@ -1,7 +1,7 @@
 import csv
 import json
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import get_args
 
@@ -90,6 +90,8 @@ def test_numbers_that_are_not_finite_are_null(tmp_path):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_writes_according_to_the_schema(method, case_of, at_rest, tmp_path):
     tracks = case_of(at_rest, noise=0.02, seed=5).tracks
+    if not method.startswith("screw"):  # whose choices need all frames
+        tracks = replace(tracks, time=tracks.time[::5], position=tracks.position[::5])
     try:
         result = estimate(tracks, method=method, orbit=Orbit().model())
     except ComputationError:  # a path at rest in C is none of relative motion
