@@ -63,10 +63,13 @@ class WindowMeans:
 
     @classmethod
     def of(cls, found: Estimate, tracks: FeatureTracks) -> "WindowMeans | None":
-        """Those of an estimate's residuals, weighed as tracks in C tell; None if these are too few."""
+        """Those of an estimate's residuals, weighed as tracks in C tell, without features of which most are rejected;
+        None if these are too few.
+        """
         if found.attitude is None:
             return None
         shown = found.used & ~found.rejected & np.isfinite(found.residuals[..., 0])
+        shown &= ~np.isin(found.labels, found.rejected_features)
         posed = (shown.sum(axis=1) >= FEWEST_POINTS) & np.isfinite(found.attitude).all(axis=(1, 2))
         frames = np.flatnonzero(posed)
         frames = frames[evenly_spaced(len(frames), WINDOWS * LONGEST)]
