@@ -40,14 +40,15 @@ def slurm(tmp_path):
     for name, text in (("sbatch", SBATCH.format(python=sys.executable)), ("scancel", SCANCEL)):
         (tmp_path / name).write_text(text, encoding="utf-8")
         (tmp_path / name).chmod(0o755)
-    activate = tmp_path / "baryscope" / ".venv" / "bin" / "activate"
+    home = tmp_path / "home"  # not where programs start, as Python would take its folder for the package
+    activate = home / "baryscope" / ".venv" / "bin" / "activate"
     activate.parent.mkdir(parents=True)
     activate.write_text(f'PATH="{os.path.dirname(sys.executable)}:$PATH"\n', encoding="utf-8")  # noqa: PTH120
     path = f"{tmp_path}{os.pathsep}/usr/bin{os.pathsep}/bin"  # without this program's Python
     yield (
         tmp_path,
         os.environ
-        | {"HOME": str(tmp_path), "PATH": path, "OPENBLAS_NUM_THREADS": "1", "DASK_DEPLOY__LOST_WORKER_TIMEOUT": "1s"},
+        | {"HOME": str(home), "PATH": path, "OPENBLAS_NUM_THREADS": "1", "DASK_DEPLOY__LOST_WORKER_TIMEOUT": "1s"},
     )
     for file in tmp_path.glob("job*.pid"):
         with suppress(ProcessLookupError):
