@@ -41,8 +41,10 @@ def without_moving_features(fit: Fit, tracks: FeatureTracks) -> Estimate:
     first, moving = answer, np.zeros(len(tracks.labels), dtype=bool)
     for _ in range(MOST_FITS):
         more = moving | _moving(answer, weighed)
+        if (more == moving).all():
+            break
         shown = tracks.seen.sum(axis=0) >= SHOWN
-        if (more == moving).all() or (shown & ~more).sum() < max(ENOUGH * shown.sum(), FEWEST_POINTS):
+        if (shown & ~more).sum() < max(ENOUGH * shown.sum(), FEWEST_POINTS):
             break
         try:
             found, weighed = fit(replace(tracks, position=np.where(more[:, None], np.nan, tracks.position)))

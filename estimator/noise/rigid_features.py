@@ -68,19 +68,19 @@ class WindowMeans:
         """
         if found.attitude is None:
             return None
-        shown = found.used & ~found.rejected & np.isfinite(found.residuals[..., 0])
+        frames = evenly_spaced(len(found.time), WINDOWS * LONGEST)
+        shown = found.used[frames] & ~found.rejected[frames] & np.isfinite(found.residuals[frames][..., 0])
         shown &= ~np.isin(found.labels, found.rejected_features)
-        posed = (shown.sum(axis=1) >= FEWEST_POINTS) & np.isfinite(found.attitude).all(axis=(1, 2))
-        frames = np.flatnonzero(posed)
-        frames = frames[evenly_spaced(len(frames), WINDOWS * LONGEST)]
+        posed = (shown.sum(axis=1) >= FEWEST_POINTS) & np.isfinite(found.attitude[frames]).all(axis=(1, 2))
+        frames, shown = frames[posed], shown[posed]
         count = min(WINDOWS, len(frames) // SHORTEST)
-        often = shown[frames].sum(axis=0)
+        often = shown.sum(axis=0)
         features = np.sort(np.argsort(often, kind="stable")[-MOST:])
         features = features[often[features] > FEWEST]
         if count < 2 or len(features) <= FEWEST_POINTS:
             return None
         starts = np.arange(count) * len(frames) // count
-        own = _InBody.of(found, tracks, frames, features, shown)
+        own = _InBody.of(found, tracks, frames, features, shown[:, features])
         information, weighted, seen, freedom = (
             np.add.reduceat(each, starts, axis=0)
             for each in (own.information, own.weighted, own.seen.astype(np.float64), own.freedom)
@@ -226,12 +226,12 @@ class _InBody:
 
     @classmethod
     def of(
-        cls, found: Estimate, tracks: FeatureTracks, frames: IntArray, features: IntArray, shown: BoolArray
+        cls, found: Estimate, tracks: FeatureTracks, frames: IntArray, features: IntArray, seen: BoolArray
     ) -> "_InBody":
-        """Those of some frames (n,) and features (m,) of an estimate, of which `shown` (N, M) count."""
+        """Those of some frames (n,) and features (m,) of an estimate, where these are seen (n, m)."""
         assert found.attitude is not None  # noqa: S101  as its caller has seen
         turn, at = found.attitude[frames], (frames[:, None], features)
-        seen, source = shown[at], found.sources(tracks.labels)[features]
+        source = found.sources(tracks.labels)[features]
         residual = np.where(seen[..., None], found.residuals[at], 0.0) @ turn
         place = tracks.position[frames[:, None], source] - found.residuals[at] - found.position[frames, None]
         place = np.where(seen[..., None], place, 0.0) @ turn
