@@ -223,7 +223,8 @@ def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise | MovingFeatures)
                 f"{finding.across:.2g} m, which {told} told; every observation is weighed by that"
             )
         case MovingFeatures():
-            return f"{', '.join(finding.labels)} move on the body, as on a panel that bends: left out"
+            verb = "move" if len(finding.labels) > 1 else "moves"
+            return f"{', '.join(finding.labels)} {verb} on the body, as on a panel that bends: left out"
 
 
 def summary(result: Estimate) -> list[str]:

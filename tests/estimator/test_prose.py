@@ -132,6 +132,7 @@ def test_verdict_names_a_skew_axis():
             "depths have a noise of 0.0071 m, places across the line of sight one of 0.0013 m, which covariances with "
             "a ratio of 2.5, not 5.6, told; every observation is weighed by that",
         ),
+        (MovingFeatures(("a",)), "a moves on the body, as on a panel that bends: left out"),
         (MovingFeatures(("a", "b")), "a, b move on the body, as on a panel that bends: left out"),
         (
             FreeAttitudes("the steps to a tumble do not converge"),
