@@ -9,7 +9,7 @@ from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.geometry.gauge import are_in_line
-from baryscope.estimator.geometry.symmetric import made_definite
+from baryscope.estimator.geometry.symmetric import made_definite, symmetric_inverses
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import Cluster
@@ -115,3 +115,15 @@ def attitude_series(body: Body, frames: int) -> FloatArray:
     attitude = np.full((frames, 3, 3), np.nan)
     attitude[body.frames] = body.attitude
     return attitude
+
+
+def information_in_body(shown: BoolArray, covariance: FloatArray | None, turn: FloatArray) -> FloatArray:
+    """The information (n, m, 3, 3) of observations in axes of the body, 0 where they are not shown (n, m).
+
+    covariance: (n, m, 3, 3) in C; None of observations that are equally good, of which it is 1. turn: R_C_B (n, 3, 3).
+    """
+    information = shown[..., None, None] * np.eye(3)
+    if covariance is None:
+        return information
+    inverse = symmetric_inverses(np.where(shown[..., None, None], covariance, np.eye(3)))
+    return np.asarray(information * (np.swapaxes(turn, 1, 2)[:, None] @ inverse @ turn[:, None]))

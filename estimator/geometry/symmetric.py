@@ -111,19 +111,19 @@ def elements_of(matrix: FloatArray) -> FloatArray:
 
 
 def symmetric_inverses(matrix: FloatArray) -> FloatArray:
-    """Inverses (n, 3, 3) of symmetric positive definite 3 × 3 matrices, by cofactors; zero where singular."""
-    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
-    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
+    """Inverses (..., 3, 3) of symmetric positive definite 3 × 3 matrices, by cofactors; zero where singular."""
+    xx, xy, xz = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2]
+    yy, yz, zz = matrix[..., 1, 1], matrix[..., 1, 2], matrix[..., 2, 2]
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     determinant = xx * a + xy * b + xz * c
     regular = determinant > 1e-12 * (xx + yy + zz) ** 3 / 27
     scale = np.where(regular, 1 / np.where(regular, determinant, 1.0), 0.0)
     inverse = np.empty_like(matrix)
-    inverse[:, 0, 0], inverse[:, 1, 1], inverse[:, 2, 2] = a, xx * zz - xz * xz, xx * yy - xy * xy
-    inverse[:, 0, 1] = inverse[:, 1, 0] = b
-    inverse[:, 0, 2] = inverse[:, 2, 0] = c
-    inverse[:, 1, 2] = inverse[:, 2, 1] = xy * xz - xx * yz
-    return np.asarray(scale[:, None, None] * inverse)
+    inverse[..., 0, 0], inverse[..., 1, 1], inverse[..., 2, 2] = a, xx * zz - xz * xz, xx * yy - xy * xy
+    inverse[..., 0, 1] = inverse[..., 1, 0] = b
+    inverse[..., 0, 2] = inverse[..., 2, 0] = c
+    inverse[..., 1, 2] = inverse[..., 2, 1] = xy * xz - xx * yz
+    return np.asarray(scale[..., None, None] * inverse)
 
 
 def inverted_sums(one: FloatArray, other: FloatArray) -> FloatArray:

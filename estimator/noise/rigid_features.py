@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
+from baryscope.estimator.adjustment.diagnostics import information_in_body
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.geometry.extent import rms_radius
@@ -93,10 +94,10 @@ class WindowMeans:
         inner = own.squares.sum(axis=0) - _squares(information, weighted).sum(axis=0)
         of_all = max(float(inner.sum() / within.sum()), np.finfo(float).tiny)
         variance = (inner + COMMON * of_all) / (within + COMMON)
-        inverse = _inverses(information)
+        inverse = symmetric_inverses(information)
         second_order = (variance * own.spread / own.radius) ** 2
         covariance = variance[:, None, None] * inverse + second_order[:, None, None] * np.eye(3)
-        precision = np.where((seen > 0)[..., None, None], _inverses(covariance), 0.0)
+        precision = np.where((seen > 0)[..., None, None], symmetric_inverses(covariance), 0.0)
         weighed = (precision @ inverse @ weighted[..., None])[..., 0]
         excess = _squares(precision, weighed).sum(axis=0) / np.maximum(between, 1.0)
         return cls(features, own.arms, precision, weighed, excess, between)._of(known)
@@ -238,12 +239,10 @@ class _InBody:
         arms = place.sum(axis=0) / seen.sum(axis=0)[:, None]
         radius = rms_radius(arms)
         arms = (arms - arms.mean(axis=0)) / radius
-        information, spread = seen[..., None, None] * np.eye(3), np.full(len(features), 3.0)
-        if tracks.covariance is not None:
-            covariance = np.where(seen[..., None, None], tracks.covariance[frames[:, None], source], np.eye(3))
-            information *= np.swapaxes(turn, 1, 2)[:, None] @ _inverses(covariance) @ turn[:, None]
-            trace = np.trace(covariance, axis1=2, axis2=3)
-            spread = np.mean(trace, axis=0, where=seen)
+        own = None if tracks.covariance is None else tracks.covariance[frames[:, None], source]
+        information, spread = information_in_body(seen, own, turn), np.full(len(features), 3.0)
+        if own is not None:
+            spread = np.mean(np.trace(own, axis1=2, axis2=3), axis=0, where=seen)
         jacobian = _by_pose(arms)
         of_pose = np.einsum("mia,nmij,mjb->nmab", jacobian, information, jacobian, optimize=True)
         inverse = np.linalg.inv(_held(of_pose.sum(axis=1)))
@@ -261,14 +260,9 @@ def _by_pose(arms: FloatArray) -> FloatArray:
     return np.concatenate([-cross_matrices(arms), np.broadcast_to(np.eye(3), (len(arms), 3, 3))], axis=2)
 
 
-def _inverses(matrix: FloatArray) -> FloatArray:
-    """Inverses (..., 3, 3) of positive definite matrices; zero where singular."""
-    return symmetric_inverses(matrix.reshape(-1, 3, 3)).reshape(matrix.shape)
-
-
 def _squares(information: FloatArray, weighted: FloatArray) -> FloatArray:
     """The squares (k, m) of means in units of their deviations, of information (k, m, 3, 3) and that times the mean."""
-    return np.asarray(np.einsum("kmi,kmij,kmj->km", weighted, _inverses(information), weighted, optimize=True))
+    return np.asarray(np.einsum("kmi,kmij,kmj->km", weighted, symmetric_inverses(information), weighted, optimize=True))
 
 
 def _held(matrix: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ them is no matter of attitudes.
 import numpy as np
 from scipy.special import chdtrc
 
+from baryscope.estimator.adjustment.diagnostics import information_in_body
 from baryscope.estimator.findings import DisagreeingClusters
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
@@ -33,16 +34,14 @@ def _disagree(finding: DisagreeingClusters, solved: PivotSolution, found: Estima
         return False
     means, variances = [], []
     for body in (solved.bodies[index] for index in finding.clusters):
-        at, turn = np.ix_(body.frames, columns), found.attitude[body.frames][:, None]
+        at, turn = np.ix_(body.frames, columns), found.attitude[body.frames]
         shown = (found.used & ~found.rejected)[at] & np.isfinite(found.residuals[at][..., 0])
-        residual = np.where(shown[..., None], found.residuals[at], 0.0)[..., None, :] @ turn
-        information = shown[..., None, None] * np.eye(3)
-        if tracks.covariance is not None:
-            own = tracks.covariance[np.ix_(body.frames, found.sources(tracks.labels)[columns])]
-            inverse = symmetric_inverses(np.where(shown[..., None, None], own, np.eye(3)).reshape(-1, 3, 3))
-            information = information * (np.swapaxes(turn, 2, 3) @ inverse.reshape(own.shape) @ turn)
+        residual = np.where(shown[..., None], found.residuals[at], 0.0) @ turn
+        sources = np.ix_(body.frames, found.sources(tracks.labels)[columns])
+        own = None if tracks.covariance is None else tracks.covariance[sources]
+        information = information_in_body(shown, own, turn)
         covariance = symmetric_inverses(information.sum(axis=0))
-        means.append(np.einsum("mij,kmjl,kml->mi", covariance, information, residual[..., 0, :]))
+        means.append(np.einsum("mij,kmjl,kml->mi", covariance, information, residual))
         variances.append(found.noise.lasting * found.noise.a_posteriori**2 * covariance)
     apart = means[0] - means[1]
     squares = np.einsum("mi,mij,mj->", apart, symmetric_inverses(variances[0] + variances[1]), apart)

@@ -10,12 +10,7 @@ import pytest
 from baryscope.estimator import FeatureTracks, read_tracks
 from baryscope.estimator.formats import METRES
 from baryscope.models.errors import InputError
-from recorded import TIME, box_tracks, same
-
-
-@pytest.fixture(scope="module")
-def tracks():
-    return box_tracks()
+from recorded import TIME, same
 
 
 def c3d(tracks, path, unit="mm", labels=True):
