@@ -64,9 +64,14 @@ def parts_of(path: Path) -> Iterator[Path]:
         yield path
 
 
-def based_on(path: Path, base: Path) -> Path:
-    """The path with all that is added to it, but with another one that is no `ExtendedPath` at its base."""
-    return replace(path, base=based_on(path.base, base)) if isinstance(path, ExtendedPath) else base
+def based_on(path: Path, base: Path, part: Path | None = None) -> Path:
+    """The path with all that is added to it, but with another one in the place of a part; of the last one unless given.
+
+    part: one of `parts_of`.
+    """
+    if path is part or not isinstance(path, ExtendedPath):
+        return base
+    return replace(path, base=based_on(path.base, base, part))
 
 
 def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:

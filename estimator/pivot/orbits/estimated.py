@@ -3,25 +3,35 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.evidence import maximise
 from baryscope.estimator.dynamics.extended_path import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
+from baryscope.estimator.dynamics.paths import Path, SmoothPath
+from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.elements import NAMES
-from baryscope.estimator.orbits.estimated import on_estimated_orbit
+from baryscope.estimator.orbits.estimated import estimated_orbit_in, on_estimated_orbit
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
+from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import gain_over
+from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, InputError
+
+FloatArray = NDArray[np.float64]
 
 CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
 MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
+BY_CHANCE = 5.0  # deviations of the noise of a sum of squares, from one place to that where it is least
 
 
 def with_estimated_orbit(
@@ -35,8 +45,16 @@ def with_estimated_orbit(
         other, fresh = _refined_on(fit, found, start, options)
     except (ComputationError, InputError):  # the latter of an orbit that is none
         return found, start
-    gain = gain_over(found, other, start) - fit.prior_cost
-    return (other, fresh) if other.converged and gain >= DECISIVE else (found, start)
+    if not other.converged:
+        return found, start
+    return (other, fresh) if _is_likelier(found, other, start, fit) else (found, start)
+
+
+def _is_likelier(found: PivotSolution, other: PivotSolution, start: InitialSolution, fit: OrbitFit) -> bool:
+    """Whether a solution on an orbit is likelier than one on a smooth path, which need not have converged."""
+    if found.converged and gain_over(found, other, start) - fit.prior_cost >= DECISIVE:
+        return True
+    return _squares_by_chance(found, other) and _gain_there(found, other, start) >= DECISIVE
 
 
 def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
@@ -48,7 +66,7 @@ def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
         return None
-    if not found.converged or found.slip > 0 or found.path_unknowns <= CUBIC:
+    if found.slip > 0 or found.path_unknowns <= CUBIC:
         return None
     theta = found.posterior.theta
     linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
@@ -84,3 +102,49 @@ def _refined_on(
         elements = base.moved(at.solution.x)
         of_motion, _, others = np.split(at.solution.x[: path.size], [len(fit.x), base.size])
     return at, fresh
+
+
+def _gain_there(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:
+    """2 ln of the Bayes factor of an orbit over a smooth path with bodies as they are on the orbit; −inf of none.
+
+    With other offsets attitudes have other errors, which may make a smooth path there likelier by chance. But that a
+    path of many coefficients lies on an orbit with wrong offsets would be a greater one.
+    """
+    smooth, orbital = smooth_in(found.path), estimated_orbit_in(other.path)
+    assert smooth is not None and orbital is not None  # noqa: S101, PT018  as both were asked for
+    path = based_on(other.path, smooth, orbital)
+    x = np.concatenate([_coefficients(smooth, orbital, other.solution.x), other.solution.x[orbital.size :]])
+    sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
+    problem = linearised(other.bodies, other.observations, sampled, x, other.shifts, other.offset_information)
+    linear = scaled(problem, other.variance)
+    theta = maximise(linear, path.prior)
+    own = of_first(linear, path.prior, theta, smooth.size)
+    fit = likeliest_orbit(own, smooth, theta[: len(smooth.prior.hyperparameters)])
+    return -np.inf if fit is None else fit.gain
+
+
+def _coefficients(smooth: SmoothPath, orbital: Path, x: FloatArray) -> FloatArray:
+    """The coefficients (p,) of a smooth path through the places of another, which begins with unknowns of x (q,)."""
+    at = chebyshev.chebpts1(smooth.degree + 1)
+    time = (smooth.begin + smooth.end) / 2 + (smooth.end - smooth.begin) / 2 * at
+    places = orbital.at(time).position(x[: orbital.size])
+    return np.linalg.solve(chebyshev.chebvander(at, smooth.degree), places).ravel()
+
+
+def _squares_by_chance(found: PivotSolution, other: PivotSolution) -> bool:
+    """Whether noise alone may make the sum of squares of one solution so much less than that of another (Vuong 1989).
+
+    Both are of the frames' own noise: what one frame has less of in one of them says nothing of the next one.
+    """
+    used = (found.observations.weight > 0) & (other.observations.weight > 0)
+    variance = min(found.frame_variance, other.frame_variance)
+    less = np.where(used, _bounded(other, variance) - _bounded(found, variance), 0.0).sum(axis=1)
+    deviation = float(np.sqrt(found.lasting * len(less) * less.var()))
+    return float(less.sum()) <= BY_CHANCE * deviation
+
+
+def _bounded(found: PivotSolution, variance: float) -> FloatArray:
+    """The squared residuals (n, m) of observations, over their variance, with outliers of a bounded cost."""
+    weight = found.observations.weight
+    squares = np.divide(found.untied_problem.squares, weight, out=np.zeros_like(weight), where=weight > 0)
+    return np.minimum(squares / variance, GATE)

@@ -13,7 +13,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
 from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, turning
-from synthetic import make_case
+from synthetic import box_features, make_case
 
 PERIOD = ORBIT.period
 
@@ -73,3 +73,20 @@ def test_a_path_that_bends_little_stays_a_smooth_one():
     solved = solve_pivot(case.tracks, None, PathOptions())
     assert estimated_orbit_in(solved.path) is None
     assert smooth_in(solved.path) is not None
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_orbit_is_found_from_wrong_offsets_that_noise_of_the_attitudes_makes_likelier(seed):
+    """Features on one side turn once in a third of a revolution: a smooth path follows the rotation, by chance likelier
+    than the true one, or without an end (seed 1), with the centre of mass among them.
+    """
+    frames, span = 600, PERIOD / 3
+    time, R = turning(frames, span / frames, 0.021)
+    features = box_features(4, (1, 1, 1), seed=3, centre=(3, 2, 1))
+    case = make_case(time, R, in_orbit(time), features, noise=NOISE / 2, seed=seed)
+    turned = np.arccos((np.trace(R[1:] @ np.swapaxes(R[:-1], 1, 2), axis1=1, axis2=2) - 1) / 2).sum()
+    assert 0.6 < turned / (2 * np.pi) < 1.2
+    found = estimate(case.tracks, method="pivot")
+    assert (found.path, found.status) == ("relative-orbit", Status.GOOD)
+    assert rms(found, case) < 0.1
+    assert squared_error(found, case) < 4.5**2
