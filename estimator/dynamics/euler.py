@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 CHUNK = 64  # steps in one call of a function of CasADi, at most
 MULTIPLE = 8  # such a call has a multiple of so many, which cost as much as the call itself
-BY_ARRAYS = range(25, 320)  # numbers of steps whose Jacobians are found faster by arrays than by numbers or columns
+MANY = 320  # steps whose Jacobians by columns pay for an expression that takes up to half a second to put together
 FORCED = 3 * POINTS  # values of the angular acceleration in a step
 
 
@@ -98,12 +98,12 @@ def sensitivity_step(gravity_gradient: bool, forced: bool) -> Callable[..., Floa
 
     They map changes of attitude (a rotation vector in C), rate and inertia before the step to those of attitude and
     rate after it. If `forced`, (x, sizes, accelerations (FORCED, n), constants) → (n, 6, 11 + FORCED), with the
-    accelerations among the changes. Few steps, or many, take one expression at all stages; those between, arrays.
+    accelerations among the changes. Many steps take one expression of all stages, others arrays.
     """
 
     def jacobians(x: FloatArray, h: FloatArray, *others: FloatArray) -> FloatArray:
         n, start = x.shape[1], _start(forced)
-        if n not in BY_ARRAYS:
+        if n >= MANY:
             return _sensitivity(gravity_gradient, forced)(x, h, *others)
         stages, linear = _at_stages(gravity_gradient, forced)
         states = np.moveaxis(stages(x, h, *others), 0, 2)  # (8, stages, n)
@@ -142,6 +142,7 @@ def _start(forced: bool) -> FloatArray:
     return np.eye(6, 11 + FORCED if forced else 11)
 
 
+@cache
 def _forcing(forced: bool, fraction: float) -> FloatArray:
     """The derivative of its rate, of the same shape, by the accelerations, at a fraction of the step."""
     found = np.zeros_like(_start(forced))
