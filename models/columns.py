@@ -60,6 +60,7 @@ class ColumnFunction:
         self.input_rows = [function.nnz_in(index) for index in range(function.n_in())]
         sparsity = function.sparsity_out(0)
         self._places = sparsity.row(), sparsity.get_col()
+        self._nonzeros = sparsity.nnz()
         self._constants, self._steps = _program(function)
         self._mapped: dict[int, Any] = {}  # at most FEW, as to make one takes longer than to evaluate it
 
@@ -87,12 +88,17 @@ class ColumnFunction:
         if n not in self._mapped:
             self._mapped[n] = self._function.map(n)
         buffer, evaluate = self._mapped[n].buffer()
-        points = [np.array(np.broadcast_to(values.T, (n, len(values))), order="C") for values in inputs]
-        nonzeros = np.empty((n, self._function.nnz_out(0)))
-        for index, values in enumerate(points):
-            buffer.set_arg(index, values.data)
+        points = []  # until they are read
+        for index, values in enumerate(inputs):
+            point = np.empty((n, len(values)))
+            point[:] = values.T
+            buffer.set_arg(index, point.data)
+            points.append(point)
+        nonzeros = np.empty((n, self._nonzeros))
         buffer.set_res(0, nonzeros.data)
         evaluate()
+        if self.shape == (self._nonzeros, 1):
+            return nonzeros[:, :, None]
         result = np.zeros((n, *self.shape))
         row, column = self._places
         result[:, row, column] = nonzeros

@@ -261,13 +261,13 @@ def _departures_from(turning: _AttitudeSeries, degree: int) -> Departures:
     precision = np.where(used, deviation[near] ** -2.0, 0.0)
     total = precision.sum(axis=1)[:, None, None]
     ridge = np.where(total > 0, 1e-9 * total, 1.0) * np.eye(terms.shape[2])
-    weight = precision
+    weight, among = precision, used | ~used.any(axis=1)[:, None]
     for _ in range(ROUNDS):
         weighted = terms * weight[:, :, None]
         inverse = np.linalg.inv(np.swapaxes(weighted, 1, 2) @ terms + ridge)
         coefficients = inverse @ (np.swapaxes(weighted, 1, 2) @ turned)
         squares = np.sum((turned - terms @ coefficients) ** 2, axis=2) * precision
-        scale = np.nanmedian(np.where(used | ~used.any(axis=1)[:, None], squares, np.nan), axis=1)
+        scale = medians_of(squares, among)
         weight = precision / (1 + squares / (9 * np.maximum(scale, 1e-300))[:, None])
     fitted = inverse[:, 0, 0] / 3
     if degree > DEGREES[0]:  # at the ends it leads far off where it does not describe the rotation, as residuals show
@@ -275,3 +275,12 @@ def _departures_from(turning: _AttitudeSeries, degree: int) -> Departures:
     expected = covariance + fitted[:, None, None] * np.eye(3)
     tested = used.sum(axis=1) >= degree + MORE_NEIGHBOURS
     return Departures(coefficients[:, 0], expected, tested, tested & (3 * fitted <= deviation**2))
+
+
+def medians_of(values: FloatArray, used: BoolArray) -> FloatArray:
+    """The medians (n,) of the used ones, of values (n, k); numpy's of what is not NaN takes five times as long."""
+    used = used & ~np.isnan(values)
+    ordered, count = np.sort(np.where(used, values, np.inf), axis=1), used.sum(axis=1)
+    middle = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=1)
+    found = np.take_along_axis(ordered, middle, axis=1).mean(axis=1)
+    return np.asarray(np.where(count > 0, found, np.nan))

@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import FULL, elements_of, inverted_sums, symmetric_inverses
+from baryscope.estimator.geometry.symmetric import FULL, block_diagonal, elements_of, inverted_sums, symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -121,12 +120,12 @@ def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Bod
         across = w.T
         pairs += across @ (across[:, :, None] * elements_of(inverse))
         turned = across @ np.einsum("kij,kj->ki", inverse, found.turn_rhs)
-        total.points_rhs += (found.point_rhs + np.cross(body.points, turned)).ravel()
+        total.points_rhs += (found.point_rhs + (arms @ turned[:, :, None])[:, :, 0]).ravel()
         weights += w.sum(axis=0)
         attitudes[part], all_squares[part] = R_C_B, found.squares
     total.points_sizes = np.repeat(weights, 3)
-    of_pairs = np.einsum("mia,mlij,ljb->malb", arms, pairs[:, :, FULL], arms, optimize=True)
-    total.points = np.diag(total.points_sizes) - of_pairs.reshape(3 * m, 3 * m)
+    of_pairs = np.swapaxes(arms, 1, 2)[:, None] @ pairs[:, :, FULL] @ arms
+    total.points = np.diag(total.points_sizes) - of_pairs.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
     total.path_points = np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m)
     return replace(body, attitude=attitudes), total, all_squares
 
@@ -153,7 +152,7 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shifts)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()
-        total.points += block_diag(*found.point)
+        total.points += block_diagonal(*found.point)
         # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
         coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
         inverse = symmetric_inverses(found.turn)

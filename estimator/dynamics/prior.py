@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
+
+from baryscope.estimator.geometry.symmetric import block_diagonal
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -183,7 +184,7 @@ class Prior:
         scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
         return Prior(
             np.concatenate([self.offset, other.offset]),
-            block_diag(self.slopes, other.slopes),
+            block_diagonal(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
             np.concatenate(scatters),
             other.trend.moved(len(self.hyperparameters)) if other.trend is not None else self.trend,

@@ -13,6 +13,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 FloatArray = NDArray[np.float64]
 
 IN_LINE = 0.03  # rms distance from a line over that along it, up to which points are in a line
+UNIT = np.eye(3)
 ON_LINE = 1e-6  # distance of the origin from a line over the points' radius, below which it is on it
 
 
@@ -75,10 +76,10 @@ def _are_in_line(values: FloatArray, most: float) -> bool:
 
 def _mean(points: FloatArray) -> FloatArray:
     """The Jacobian (3, 3 m) of the centroid by points (m, 3)."""
-    return np.tile(np.eye(3), len(points)) / len(points)
+    return np.tile(UNIT / len(points), len(points))
 
 
 def _inertia(arms: FloatArray) -> FloatArray:
     """The inertia (3, 3) of points of mass 1 at arms (m, 3) from their centroid, m²."""
     products = arms.T @ arms
-    return np.asarray(np.trace(products) * np.eye(3) - products)
+    return np.asarray(products.trace() * UNIT - products)

@@ -31,8 +31,10 @@ def turned_information(information: FloatArray, turn: FloatArray) -> FloatArray:
 
     turn C (n, 3, 3): the covariance of φ, a rotation vector in rad, of mean zero.
     """
-    axes = cross_matrices(np.eye(3))
-    return np.asarray(np.einsum("iba,kbc,jcd,kda->ij", axes, information, axes, turn, optimize=True))
+    # Σ Q ⊗ C first, over all frames in one multiplication.
+    both = (information.reshape(-1, 9).T @ turn.reshape(-1, 9)).reshape(3, 3, 3, 3)
+    turned = np.tensordot(_AXES, both, axes=((1, 2), (0, 3)))  # (i, c, d)
+    return np.asarray(np.tensordot(turned, _AXES, axes=((1, 2), (1, 2))))
 
 
 def squared_cross(turn: FloatArray) -> FloatArray:
@@ -46,3 +48,6 @@ def cross_matrices(vectors: FloatArray) -> FloatArray:
     matrix[:, 2, 1], matrix[:, 0, 2], matrix[:, 1, 0] = vectors.T
     matrix[:, 1, 2], matrix[:, 2, 0], matrix[:, 0, 1] = -vectors.T
     return matrix
+
+
+_AXES = cross_matrices(np.eye(3))

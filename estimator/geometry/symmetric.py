@@ -94,15 +94,27 @@ def _inverse_of_regular(matrix: FloatArray, sizes: FloatArray | None) -> FloatAr
     if not len(matrix):  # LAPACK takes no empty matrix
         return None
     scale = _scale(matrix, sizes)
-    both = np.outer(scale, scale)
+    both = scale[:, None] * scale
     factor, indefinite = dpotrf(matrix * both, lower=True)
     if indefinite:
         return None
     lower, _ = dpotri(factor, lower=True)
-    if not np.trace(lower) < 1 / REGULAR:
+    if not lower.trace() < 1 / REGULAR:
         return None
-    inverse = np.tril(lower) + np.tril(lower, -1).T
+    inverse = lower + lower.T  # of which one is zero but for the diagonal
+    inverse.flat[:: len(matrix) + 1] = lower.diagonal()
     return np.asarray(inverse * both)
+
+
+def block_diagonal(*blocks: FloatArray) -> FloatArray:
+    """The matrix with these blocks (p, q) along its diagonal, and zero elsewhere; scipy's takes ten times as long."""
+    found = np.zeros((sum(len(one) for one in blocks), sum(one.shape[1] for one in blocks)))
+    row = column = 0
+    for one in blocks:
+        height, width = one.shape
+        found[row : row + height, column : column + width] = one
+        row, column = row + height, column + width
+    return found
 
 
 def elements_of(matrix: FloatArray) -> FloatArray:

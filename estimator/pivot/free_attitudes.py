@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
@@ -23,9 +22,14 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
-from baryscope.estimator.geometry.gauge import are_in_line, offset_by_points
+from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import (
+    block_diagonal,
+    inverse_across,
+    null_space_of,
+    symmetric_pseudo_inverse,
+)
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, Reason
@@ -74,13 +78,13 @@ class Solution:
         attached: the bodies whose points define the axes of the offsets; the solution's own unless given.
         """
         bodies = self.bodies if attached is None else attached
-        maps = [offset_by_points(body.points) for body in bodies]
+        maps = [body.offset_by_points for body in bodies]
         own = zip(maps, self.points_covariance, strict=True)
         by_x = np.concatenate([to @ by_path for to, by_path in zip(maps, self.by_path, strict=True)])
         return replace(
             self,
             covariance=covariance,
-            offset_covariance=block_diag(*(to @ alone @ to.T for to, alone in own)) + by_x @ covariance @ by_x.T,
+            offset_covariance=block_diagonal(*(to @ alone @ to.T for to, alone in own)) + by_x @ covariance @ by_x.T,
             offset_path=-by_x @ covariance,
             offset_null_space=-by_x @ self.null_space,
         )
@@ -149,7 +153,7 @@ class Linearised:
     def offset_change(self, solution: Solution) -> FloatArray:
         """What a step changes the offsets of the k bodies by, (3 k,) m, in axes attached to the points."""
         pairs = zip(self.bodies, solution.bodies, strict=True)
-        changes = [offset_by_points(own.points) @ (moved.points - own.points).ravel() for own, moved in pairs]
+        changes = [own.offset_by_points @ (moved.points - own.points).ravel() for own, moved in pairs]
         return np.concatenate(changes)
 
 
@@ -231,7 +235,7 @@ def linearised(
     inverses, by_paths, offset_cost = [], [], 0.0
     for index, (body, own_sums) in enumerate(zip(turned, sums, strict=True)):
         if offset_information is not None:
-            by_points, offset = offset_by_points(body.points), body.points.mean(axis=0)
+            by_points, offset = body.offset_by_points, body.points.mean(axis=0)
             own_sums.know(by_points.T @ offset_information[index], by_points, offset)
             offset_cost += float(offset @ offset_information[index] @ offset)
         turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S

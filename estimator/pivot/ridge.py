@@ -27,7 +27,6 @@ from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsample
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
-from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
@@ -203,7 +202,7 @@ def secant_step(problem: Linearised, solution: Solution, last: Step) -> Solution
     None where the step does not creep.
     """
     pairs = list(zip(problem.bodies, last.bodies, strict=True))
-    way = np.concatenate([offset_by_points(own.points) @ (own.points - then.points).ravel() for own, then in pairs])
+    way = np.concatenate([own.offset_by_points @ (own.points - then.points).ravel() for own, then in pairs])
     here = problem.offset_change(solution)
     metric = np.linalg.pinv(solution.offset_covariance, rcond=RANK, hermitian=True)
     by_way, length = metric @ way, float(way @ metric @ way)

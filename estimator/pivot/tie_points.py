@@ -19,7 +19,6 @@ from scipy.special import chdtrc
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
-from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import Solution
 
@@ -241,7 +240,7 @@ class _Comparison:
             body.moved(-factor @ closing) for body, factor in zip(solution.bodies, self.factors.points, strict=True)
         )
         attached = zip(solution.bodies, self.factors.points, strict=True)
-        of_offsets = np.concatenate([offset_by_points(body.points) @ factor for body, factor in attached])
+        of_offsets = np.concatenate([body.offset_by_points @ factor for body, factor in attached])
         of_x, of_offsets = (factor - (factor @ right.T) @ right for factor in (self.factors.x, of_offsets))
         return replace(
             solution,

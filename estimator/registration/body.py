@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.registration.intervals import Interval
 
 FloatArray = NDArray[np.float64]
@@ -48,6 +50,11 @@ class Body:
         found += origin[self.frames][:, None]
         return np.asarray(found)
 
+    @cached_property
+    def offset_by_points(self) -> FloatArray:
+        """The Jacobian (3, 3 m) of the points' centroid by the points, in axes attached to them."""
+        return offset_by_points(self.points)
+
     def moved(self, change: FloatArray, told: BoolArray | slice = slice(None)) -> "Body":
         """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points.
 
@@ -56,7 +63,7 @@ class Body:
         """
         moves = change.reshape(-1, 3)
         turn = turn_by_points(self.points[told]) @ moves[told].ravel()
-        return replace(self, points=self.points + moves - np.cross(turn, self.points))
+        return replace(self, points=self.points + moves - self.points @ cross_matrices(turn[None])[0].T)
 
 
 def places_of(bodies: Sequence[Body], origin: FloatArray, otherwise: FloatArray) -> FloatArray:

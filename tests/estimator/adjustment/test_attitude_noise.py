@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.attitude_noise import departures_of, strays
+from baryscope.estimator.adjustment.attitude_noise import departures_of, medians_of, strays
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
 
@@ -124,3 +124,12 @@ def test_attitudes_are_compared_in_time_where_frames_come_in_bursts(step):
     body, observations = seen(step, np.zeros(0, dtype=int), 0.0, time=time)
     assert not strays([body], observations, time, NOISE**2)[0].any()
     assert mean_square(body, observations, time, NOISE**2) == pytest.approx(1.0, abs=0.2)  # as without bursts
+
+
+def test_medians_of_some_are_numpys_without_the_others():
+    rng = np.random.default_rng(2)
+    values, used = rng.exponential(size=(50, 9)), rng.random((50, 9)) < 0.7
+    values[3, 2], used[3, 2], used[4], used[4, 5] = np.nan, True, False, True
+    expected = np.nanmedian(np.where(used, values, np.nan), axis=1)
+    np.testing.assert_array_equal(medians_of(values, used), expected)
+    assert np.isnan(medians_of(values[:1], np.zeros((1, 9), dtype=bool))).all()
