@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
@@ -30,6 +29,7 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 FloatArray = NDArray[np.float64]
 
 NODE_ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/384 arc⁴ of the distance, 3 nm at 20 m
+MOST_WEIGHTS = 200_000  # of values at nodes in those at times, that are kept as a matrix
 HARMONIC = 4.0  # of the rate at periapsis: the highest frequency of relative motion
 MOST_ITERATIONS = 60  # of the motion under gravity beyond its gradient: more are those of one that diverges
 CONVERGED = 1e-13  # of the largest distance
@@ -89,12 +89,13 @@ class RelativeOrbit(_OnOrbit):
     def _sampled(self, time: FloatArray, nodes: FloatArray, seen: Callable[[FloatArray], FloatArray]) -> SampledPath:
         """What `seen` makes of columns (k, 6, p) of the state (ρ, ρ̇) at k nodes, interpolated to the times (n,)."""
         jacobian = seen(relative_transition(self.orbit, nodes, self.epoch)) * self.scale
+        interpolated = _interpolation(nodes, time)
 
         def position(x: FloatArray) -> FloatArray:
             state = relative_path(self.orbit, self.scale * x, nodes, self.epoch)
-            return _interpolated(nodes, seen(state[:, :, None])[:, :, 0], time)
+            return interpolated(seen(state[:, :, None])[:, :, 0])
 
-        return SampledPath(_interpolated(nodes, jacobian, time), position)
+        return SampledPath(interpolated(jacobian), position)
 
     def _nodes(self, time: FloatArray) -> FloatArray:
         """Evenly spaced times that span the given ones, or the given ones themselves if they are few."""
@@ -103,8 +104,19 @@ class RelativeOrbit(_OnOrbit):
         return time if len(time) < 4 * count or count < 4 else np.linspace(begin, end, count)
 
 
-def _interpolated(nodes: FloatArray, values: FloatArray, time: FloatArray) -> FloatArray:
-    return values if nodes is time else np.asarray(CubicSpline(nodes, values)(time))
+def _interpolation(nodes: FloatArray, time: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """The function from values (k, ...) at nodes to those (n, ...) at times, of a cubic spline.
+
+    It is linear in the values: where that matrix is small, to find it once costs less than a spline for each values.
+    """
+    if nodes is time:
+        return lambda values: values
+    from scipy.interpolate import CubicSpline  # slow to load, and only tracks in orbit need it
+
+    if len(time) * len(nodes) > MOST_WEIGHTS:
+        return lambda values: np.asarray(CubicSpline(nodes, values)(time))
+    weights = CubicSpline(nodes, np.eye(len(nodes)))(time)
+    return lambda values: (weights @ values.reshape(len(nodes), -1)).reshape(-1, *values.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,5 +240,6 @@ def test_what_lasts_on_a_circle_keeps_its_direction_in_inertial_axes_or_beside_t
     along = 4 * wave - 1.5 * tau**2
     expected = variance / 2 * (2 * wave**2 + 8 * rest**2 + along**2)
     np.testing.assert_allclose(np.trace(beside[:, :3, :3], axis1=1, axis2=2), expected, rtol=1e-6)
-    squares = [np.diag(by.T @ np.linalg.solve(of, by)) for by, of in zip(moved[1:], found[1:], strict=True)]
+    # Both halves move the target across the orbit's plane alike: that matrix is singular.
+    squares = [np.diag(by.T @ np.linalg.lstsq(of, by)[0]) for by, of in zip(moved[1:], found[1:], strict=True)]
     assert np.max(squares) < 2 / variance * (1 + 1e-6)  # of 1 m/s²: what keeps its direction is not beyond the claim

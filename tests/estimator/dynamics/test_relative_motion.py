@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.dynamics.relative_motion import MOST_WEIGHTS, PerturbedOrbit, RelativeOrbit
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from oracles import inertial_states, oblate_gravity
@@ -30,6 +30,20 @@ def test_without_perturbations_it_is_the_closed_form(eccentricity):
     np.testing.assert_allclose(found.at(time).jacobian, expected.at(time).jacobian, atol=1e-7)
     np.testing.assert_allclose(found.rate_at(time).position(x), expected.rate_at(time).position(x), atol=1e-10)
     np.testing.assert_allclose(found.rate_at(time).jacobian, expected.rate_at(time).jacobian, atol=1e-10)
+
+
+def test_a_spline_is_the_same_as_a_matrix_and_for_each_values():
+    """Of some of the times between the same nodes the matrix is small; to the rounding of sums of twenty metres."""
+    flown = orbit(0.2, False)
+    time = np.linspace(0.0, 0.2 * flown.period, 4001)
+    x = np.concatenate([START[0], START[1] / flown.mean_motion])
+    path = RelativeOrbit(flown, 100.0)
+    many, few = path.at(time), path.at(time[::5])
+    nodes = len(path._nodes(time))
+    assert len(time[::5]) * nodes <= MOST_WEIGHTS < len(time) * nodes
+    assert len(path._nodes(time[::5])) == nodes
+    np.testing.assert_allclose(few.position(x), many.position(x)[::5], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(few.jacobian, many.jacobian[::5], rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("eccentricity", [0.001, 0.2, 0.7])
