@@ -92,7 +92,8 @@ def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None 
         unknown = np.isnan(start)
         starts = [np.clip(np.where(unknown, bounds[:, 0], start), bounds[:, 0], bounds[:, 1])]
     # The better start may lie in a narrow valley that leads nowhere.
-    found = [_minimised(linear, prior, bounds, _scanned(linear, prior, bounds, at, unknown)) for at in starts]
+    costs: dict[bytes, float] = {}
+    found = [_minimised(linear, prior, bounds, _scanned(linear, prior, bounds, at, unknown, costs)) for at in starts]
     best, _ = min(found, key=lambda one: one[1])
     return _spared(linear, prior, best, bounds, scan=start is None)
 
@@ -214,19 +215,30 @@ def ranges(linear: GaussianLikelihood, prior: Prior) -> FloatArray:
 
 
 def _scanned(
-    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, unknown: BoolArray
+    linear: GaussianLikelihood,
+    prior: Prior,
+    bounds: FloatArray,
+    start: FloatArray,
+    unknown: BoolArray,
+    costs: dict[bytes, float],
 ) -> FloatArray:
-    """A start for the maximum: one unknown hyperparameter after the other, over its range, twice."""
+    """A start for the maximum: one unknown hyperparameter after the other, over its range, twice.
+
+    costs: of θ, by their bytes, which are found once and kept, as sweeps and starts come by the same ones.
+    """
     theta = start.copy()
     for _ in range(1 if unknown.sum() == 1 else SWEEPS):
         for index in np.flatnonzero(unknown):
             low, high = bounds[index]
             values = np.linspace(low, high, min(SCAN, 1 + int(np.ceil((high - low) / SCAN_STEP))))
-            costs = []
+            found = []
             for value in values:
                 theta[index] = value
-                costs.append(cost(linear, prior, theta))
-            theta[index] = values[int(np.argmin(costs))]
+                which = theta.tobytes()
+                if which not in costs:
+                    costs[which] = cost(linear, prior, theta)
+                found.append(costs[which])
+            theta[index] = values[int(np.argmin(found))]
     return theta
 
 

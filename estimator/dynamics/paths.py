@@ -5,6 +5,7 @@ in x. Relative motion stands in `relative_motion`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -154,8 +155,9 @@ class SmoothPath(Polynomial):
         return float(np.exp(theta[0] + _decrease(order, theta[1:])[0]).sum()) / 2
 
 
-def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The logarithms (k,) of the variances of coefficients over that of the first, and their derivatives (k, 2).
+def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+    """The logarithms (k,) of the variances of coefficients over that of the first, and what finds their derivatives
+    (k, 2).
 
     order (k,): j of each; at (2,): t, and the decay η of overtones. They are −2 G(j) − 2 λ (j − 1) − 2 p ln(j/x),
     without the power for j ≤ x. G is zero up to j = x; beyond, it is g = j arcosh(j/x) − √(j² − x²), as Bessel's Jⱼ(x)
@@ -177,7 +179,11 @@ def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray
     knee, slope = math.hypot(x, decay), math.asinh(decay / x)
     tail = order > knee
     G = np.where(tail, order * slope - decay, beyond * np.arccosh(ratio) - root)
-    by_log_x = np.where(tail, order * math.tanh(slope), root)  # −∂G
-    by_t = wave * (by_log_x + POWER * (order > x)) + (1 - wave) * after
-    by_decay = np.where(tail, 1 - order / knee, 0.0)
-    return -2 * (G + rate * after + POWER * np.log(ratio)), 2 * np.column_stack([by_t, by_decay])
+
+    def derivatives() -> FloatArray:
+        by_log_x = np.where(tail, order * math.tanh(slope), root)  # −∂G
+        by_t = wave * (by_log_x + POWER * (order > x)) + (1 - wave) * after
+        by_decay = np.where(tail, 1 - order / knee, 0.0)
+        return 2 * np.column_stack([by_t, by_decay])
+
+    return -2 * (G + rate * after + POWER * np.log(ratio)), derivatives

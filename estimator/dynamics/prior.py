@@ -39,11 +39,11 @@ class Hyperparameter:
 class Trend:
     """A law of variances that is not log-linear.
 
-    law: of the numbers (k,) of k unknowns and a parameters, (a,): the logarithms of the variances (k,) and their
-    derivatives (k, a); parameters: each the index of a hyperparameter, or the value of one that is fixed.
+    law: of the numbers (k,) of k unknowns and a parameters, (a,): the logarithms of the variances (k,) and what finds
+    their derivatives (k, a); parameters: each the index of a hyperparameter, or the value of one that is fixed.
     """
 
-    law: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+    law: Callable[[FloatArray, FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
     parameters: tuple[int | float, ...]
 
     def at(self, theta: FloatArray) -> tuple[float, ...]:
@@ -86,7 +86,9 @@ class Prior:
     scatter: FloatArray | float = 0.0
     trend: Trend | None = None
     order: FloatArray | float = 0.0
-    _laws: dict[tuple[float, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False, repr=False)
+    _laws: dict[tuple[float, ...], tuple[FloatArray, Callable[[], FloatArray]]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -137,13 +139,14 @@ class Prior:
         """The derivatives (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
         if self.trend is None:
             return self.slopes
-        found, own = self.slopes.copy(), self._law(self.trend, theta)[1]
+        found, own = self.slopes.copy(), self._law(self.trend, theta)[1]()[self._numbers[1]]
         for parameter, index in self.trend.free:
             found[self._trending, index] += own[:, parameter]
         return found
 
-    def _law(self, trend: Trend, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What the trend adds to the logarithms of the variances (k,) that have one, and its derivatives (k, a).
+    def _law(self, trend: Trend, theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+        """What the trend adds to the logarithms of the variances (k,) that have one, and what finds the derivatives
+        (n, a) of the n different ones.
 
         The last one is kept, as a search asks for the derivatives, too, and changes other hyperparameters.
         """
@@ -152,7 +155,7 @@ class Prior:
             numbers, places = self._numbers
             self._laws.clear()
             logarithm, derivatives = trend.law(numbers, np.array(at))
-            self._laws[at] = logarithm[places], derivatives[places]
+            self._laws[at] = logarithm[places], derivatives
         return self._laws[at]
 
     def scattered(self, untold: FloatArray) -> "Prior":
