@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
@@ -97,7 +96,7 @@ def strays(
         departures = _departures(turning.part(order))
         squared, tested = departures.squares, departures.tested
         if tested.any():
-            around = median_filter(squared, AROUND, mode="nearest")
+            around = _running_medians(squared, AROUND)
             usual = np.maximum(np.median(squared[tested]), around) / MEDIAN
             stray[order] = tested & (squared > LIMIT * np.maximum(usual, 1.0))
         if stray.any():
@@ -198,7 +197,7 @@ def _rates(time: FloatArray, attitude: FloatArray) -> tuple[FloatArray, FloatArr
     """
     rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / _gaps(time)[:, None]
     rate = np.concatenate([rate, rate[-1:]])
-    return rate, median_filter(rate, (2 * REACH - 1, 1), mode="nearest")
+    return rate, _running_medians(rate, (2 * REACH - 1, 1))
 
 
 def _flipped(time: FloatArray, attitude: FloatArray) -> BoolArray:
@@ -284,3 +283,10 @@ def medians_of(values: FloatArray, used: BoolArray) -> FloatArray:
     middle = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=1)
     found = np.take_along_axis(ordered, middle, axis=1).mean(axis=1)
     return np.asarray(np.where(count > 0, found, np.nan))
+
+
+def _running_medians(values: FloatArray, size: int | tuple[int, ...]) -> FloatArray:
+    """The medians of as many values around each, along each axis; the outermost go on at the ends."""
+    from scipy.ndimage import median_filter  # slow to load, and few commands need it
+
+    return np.asarray(median_filter(values, size, mode="nearest"))

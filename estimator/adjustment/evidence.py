@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
-from scipy.optimize import minimize
 
 from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.dynamics.prior import Prior
@@ -114,6 +113,8 @@ def _minimised(
     linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_ITERATIONS
 ) -> tuple[FloatArray, float]:
     """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
+    from scipy.optimize import minimize  # slow to load, and few commands need it
+
     values: list[float] = []
 
     def excess(at: FloatArray) -> tuple[float, FloatArray]:

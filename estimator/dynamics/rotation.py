@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from baryscope.estimator.dynamics.euler import (
     CHUNK,
@@ -258,6 +257,8 @@ class _Nodes:
 
     def _combined(self, left: NDArray[np.intp], weights: FloatArray) -> FloatArray:
         """The Jacobian (n, 3, size) by weights (n, 4) of the sensitivities at the nodes `left` and the next ones."""
+        from scipy.sparse import csr_array  # slow to load, and few commands need it
+
         n, places = len(left), 2 * left[:, None] + np.arange(4)
         sparse = csr_array((weights.ravel(), places.ravel(), np.arange(0, 4 * n + 1, 4)), (n, len(self.sensitivity)))
         return np.asarray(sparse @ self.sensitivity).reshape(n, 3, -1)
@@ -323,8 +324,7 @@ def _highest_rate(start: Rotation) -> float:
     The gravity gradient swings a slender body at up to √(3 (λ₃ − λ₁)/λ₁) times the orbit's rate. A quarter of that
     keeps the integration stable.
     """
-    J, w = start.inertia, start.rate
-    moments = np.linalg.eigvalsh(J)
+    J, w, moments = start.inertia, start.rate, np.linalg.eigvalsh(start.inertia)
     lowest = max(float(moments[0]), 1e-6)
     rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
     if start.torque is not None:

@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -44,11 +43,15 @@ class Surface:
     @classmethod
     def of(cls, image: Image, map: NDArray[np.float32]) -> Self:
         """The surface of an image as it was taken."""
+        from scipy.ndimage import gaussian_filter, spline_filter  # slow to load, and few commands need it
+
         smooth = gaussian_filter(image.astype(np.float32), SMOOTHING)
         return cls(spline_filter(smooth, order=3, output=np.float32, mode="mirror"), map)
 
     def at(self, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
         """The values (k, …) at rectified pixels (k, …, 2), u and v; and for which k all are in both images, (k,)."""
+        from scipy.ndimage import map_coordinates  # slow to load, and few commands need it
+
         where = pixels[..., ::-1].reshape(-1, 2).T
         places = np.stack([map_coordinates(part, where, order=1, mode="nearest") for part in self.map])
         values = map_coordinates(self.spline, places, order=3, mode="mirror", prefilter=False)

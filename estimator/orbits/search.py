@@ -14,7 +14,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost
 from baryscope.estimator.dynamics.paths import SmoothPath
@@ -148,6 +147,7 @@ class _Search:
 
     def refined(self, start: _Motion) -> _Motion:
         """The motion of least squares near another."""
+        from scipy.optimize import least_squares  # slow to load, and few commands need it
 
         def residuals(by: FloatArray) -> FloatArray:
             found = self.motion_on(start.elements.moved(by))

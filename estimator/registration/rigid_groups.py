@@ -9,8 +9,6 @@ of sight (von Neumann 1941, Ann. Math. Stat. 12).
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.registration.noise import QUARTILE
@@ -47,6 +45,9 @@ def other_bodies(pairs: IntArray, apart: FloatArray, seen: BoolArray) -> list[In
     changed = deviation > CHANGED * float(np.median(usual[steady]))
     moving, steady = told & ~steady & changed, steady & ~changed
     m = seen.shape[1]
+    from scipy.sparse import coo_array  # slow to load, and few commands need it
+    from scipy.sparse.csgraph import connected_components
+
     links = coo_array((np.ones(int(steady.sum())), tuple(pairs[steady].T)), shape=(m, m))
     group = connected_components(links, directed=False)[1]
     whole = np.flatnonzero(np.bincount(group) >= FEWEST_POINTS)

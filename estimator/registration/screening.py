@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.rigid_groups import other_bodies
@@ -209,6 +208,8 @@ def _fits(
 
 def _agreeing(fits: BoolArray, both: BoolArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
     """Features (n, m) that remain in each frame when the one with most misfits is removed repeatedly until all fit."""
+    from scipy import sparse  # slow to load, and few commands need it
+
     n = len(fits)
     left = np.ones((n, m), dtype=bool)
     of_feature = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()

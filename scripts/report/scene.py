@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.tables.tracks import UPPER
 from baryscope.models.lvlh import lvlh_attitude
@@ -88,6 +86,8 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
 
 def quaternions(R: FloatArray) -> FloatArray:
     """Quaternions (n, 4), the scalar first, of rotations (n, 3, 3); NaN where these are."""
+    from scipy.spatial.transform import Rotation  # slow to load, and few commands need it
+
     known = np.isfinite(R).all(axis=(1, 2))
     found = np.full((len(R), 4), np.nan)
     if known.any():
@@ -114,6 +114,8 @@ def hull_of(points: FloatArray) -> IntArray:
 
     Points that are NaN are left out.
     """
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and few commands need it
+
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(known) < 4:
         return np.empty((0, 3), dtype=np.intp)

@@ -2,9 +2,9 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from baryscope import __version__
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
@@ -88,7 +88,7 @@ def scene_of_flight(comparison: Comparison) -> Scene:
 
 
 def _attitude(flight: Flight) -> NDArray[np.float64]:
-    return np.asarray(Rotation.from_quat(flight.truth["target.attitude"], scalar_first=True).as_matrix())
+    return matrix_from_quaternion(flight.truth["target.attitude"])
 
 
 def error_chart(comparison: Comparison) -> Chart:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.symmetric import FULL
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording
@@ -209,7 +208,7 @@ class RigReader:
         if number <= self._taken or time <= self._time:
             return None
         self._taken, self._time = number, time
-        R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
+        R = matrix_from_quaternion(rig.vector("camera.measuredAttitude")[None])[0]
         seen = rig.vector("seen")[:, None] > 0
         points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T
         covariances = R @ rig.vector("covariances").reshape(-1, 6)[:, FULL] @ R.T
@@ -276,7 +275,7 @@ class _Recorder:
             raise UnitError("the rig has taken no sample: fly longer than its period and latency")
         rows, truth = self._rows, [self._rows[f"target {name}"] for name in TRUTH_COLUMNS]
         mode, body = rows[f"controller {MODE}"], self._units["target"].vector("target.features").reshape(-1, 3)
-        turned = Rotation.from_quat(rows["target target.attitude"], scalar_first=True)
+        R = matrix_from_quaternion(rows["target target.attitude"])
         table = {variable.name: variable for variable in variable_table(3) if variable.kind == Kind.OUTPUT}
         time, position, covariance = (np.array(values) for values in zip(*self._samples, strict=True))
         labels = tuple(str(k + 1) for k in range(position.shape[1]))
@@ -294,13 +293,15 @@ class _Recorder:
             miss=self._miss,
             synchronised=np.asarray((rows["controller goal.synchronised"] > 0).any(axis=1)),
             mode=mode[:, 0] if mode.size else np.full(len(mode), np.nan),
-            inside=inside_hull(body, turned.apply(-rows["target target.position"], inverse=True)),
+            inside=inside_hull(body, np.einsum("nji,nj->ni", R, -rows["target target.position"])),
             orbit=self._orbit,
         )
 
 
 def inside_hull(points: FloatArray, places: FloatArray) -> BoolArray:
     """Which places (n, 3) are in the convex hull of points (m, 3); none if these lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and few commands need it
+
     try:
         planes = ConvexHull(points).equations
     except QhullError:

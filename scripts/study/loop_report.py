@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.models.approach.reckoning import RETREAT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
@@ -77,7 +77,7 @@ def scene_of_loop(loop: Loop) -> Scene:
     """The true motion and the online estimate; features are where the samples, turned into body axes, have them."""
     place = np.clip(np.searchsorted(loop.tracks.time, loop.time + 1e-9) - 1, 0, None)
     fresh = np.abs(loop.tracks.time[place] - loop.time) < 1e-6
-    R = Rotation.from_quat(loop.truth["target.attitude"], scalar_first=True).as_matrix()
+    R = matrix_from_quaternion(loop.truth["target.attitude"])
     path, tracks = loop.truth["target.position"], loop.tracks
     seen = tracks.seen[place]
     sampled = np.where((fresh[:, None] & seen)[..., None], tracks.position[place], np.nan)

@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.methods import estimate
@@ -179,6 +178,8 @@ def _in_body_axes(result: Estimate, scenario: Scenario) -> dict[str, Any]:
 
     True and estimated features are laid on each other; what is left between the two CoMs is the error.
     """
+    from scipy.spatial.transform import Rotation  # slow to load, and few commands need it
+
     if result.observability is None:
         return {}
     cluster = result.clusters[result.observability.cluster]
