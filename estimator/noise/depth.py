@@ -14,8 +14,9 @@ which depths are no part. Nor is what is above true where depths are so noisy th
 of the deviation ε = ρ √k / d for a distance d: the cosine is that of noise then, and ρ too small. The second order of
 the distance adds ρ² ε² / 2 to its variance over k. Where distances do not tell, or only in that way, the features' own
 places do, if the frames follow one another so closely that a cubic polynomial is what moves in five of them: what is
-left, a fourth divided difference, is noise. If they do not, such a ρ is the least that it may be, and tells nothing
-below 1.
+left, a fourth divided difference, is noise. Less the mean of all features it is their own, without what moves a frame
+as a whole, as a pivot that slips or a camera that shakes. If frames do not follow so closely, such a ρ is the least
+that it may be, and tells nothing below 1.
 
 Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
 is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
@@ -92,12 +93,16 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
     found = _Ratio.of(lengths, blocks) if lengths.off.size else None
     if found is not None and found.tells:
         return found.shown
-    differences = _Lengths.of_differences(tracks, right)
-    own = None if differences is None else _Ratio.of(differences, blocks)
+    own, whole = (
+        None if differences is None else _Ratio.of(differences, blocks)
+        for differences in (_Lengths.of_differences(tracks, right, own=own) for own in (True, False))
+    )
     if own is not None and (own.tells or own.shown is not None):
         return own.shown
-    # Where depths turn connections, distances tell the least that ρ may be.
-    return found.shown if found is not None and found.shown is not None and found.shown.ratio > 1 else None
+    # Where depths turn connections, distances tell the least that ρ may be, and so do features that are seen alone:
+    # what moves a frame as a whole is not along the line of sight only.
+    least = [one.shown for one in (whole, found) if one is not None and one.shown is not None and one.shown.ratio > 1]
+    return least[0] if least else None
 
 
 def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
@@ -176,34 +181,42 @@ class _Lengths:
         return cls(off, both, across, along, growth, mean, np.arange(off.shape[1]), turned)
 
     @classmethod
-    def of_differences(cls, tracks: FeatureTracks, right: BoolArray) -> "_Lengths | None":
-        """Fourth divided differences of positions, along the line of sight and two axes across it; None if they are no
-        noise.
+    def of_differences(cls, tracks: FeatureTracks, right: BoolArray, *, own: bool) -> "_Lengths | None":
+        """Fourth divided differences of positions, less their mean over the features if `own`, along the line of sight
+        and two axes across it; None if they are no noise.
 
         Those of white noise that follow one another have a correlation of −0.8, those of a motion nearly 1.
         """
         windows = _Windows.of(tracks.time)
         rows, middle = windows.begins[:, None] + np.arange(DIFFERENCE), windows.begins + DIFFERENCE // 2
         few = evenly_spaced(right.shape[1], MOST_PAIRS)
-        few = few[right[:, few][rows].all(axis=1).any(axis=0)]
+        known = right[:, few][rows].all(axis=1)
+        known &= known.sum(axis=1, keepdims=True) >= (2 if own else 1)
+        few, known = few[known.any(axis=0)], known[:, known.any(axis=0)]
         if len(few) < 2:
             return None
-        known, place = right[:, few][rows].all(axis=1), tracks.position[middle[:, None], few]
+        place = tracks.position[middle[:, None], few]
         sight = np.where(known[..., None], place, place[known].mean(axis=0))
         away, axes = np.linalg.norm(sight, axis=2, keepdims=True), _axes(sight)
         shown = np.where(known[:, None, :, None], tracks.position[:, few][rows], 0.0)
         off = np.einsum("nw,nwmi,nmai->nma", windows.factor, shown, axes, optimize=True)
+        # The mean along each feature's own axes: so no depth of one is added across the line of sight of another.
+        here, others = known[..., None], np.maximum(known.sum(axis=1), 1)[:, None, None]
+        if own:
+            off = np.where(here, off - np.sum(off, axis=1, keepdims=True, where=here) / others, 0.0)
         both = windows.follow[:, None] & known[:-1] & known[1:]
         products, squares = (np.sum(off[:-1][both] * one[both], axis=0) for one in (off[1:], off[:-1]))
         distance = float(away[known].mean())
         # Where depths are noise, what moves across the line of sight may yet be no noise.
-        noise = all(products[own].sum() < NOISE * squares[own].sum() for own in (slice(0, 1), slice(1, 3)))
+        noise = all(products[axis].sum() < NOISE * squares[axis].sum() for axis in (slice(0, 1), slice(1, 3)))
         if not noise or np.sqrt(squares.sum() / both.sum()) <= ROUNDING * distance:
             return None
         whole, growth = np.ones(off.shape), np.broadcast_to((away / distance) ** 2, off.shape)
         if tracks.covariance is not None:
             told = np.einsum("nw,nwmij->nmij", windows.factor**2, tracks.covariance[:, few][rows])
-            whole, growth = np.where(known[..., None], _variances(told[:, :, None], axes), 1.0), whole
+            whole, growth = np.where(here, _variances(told[:, :, None], axes), 1.0), whole
+        if own:
+            whole = whole * (1 - 2 / others) + np.sum(whole, axis=1, keepdims=True, where=here) / others**2
         columns = (off, np.broadcast_to(known[..., None], off.shape), whole * [0, 1, 1], whole * [1, 0, 0], growth)
         off, seen, across, along, growth = (one.reshape(len(off), -1) for one in columns)
         alike = np.repeat(np.arange(len(few)), 3)
