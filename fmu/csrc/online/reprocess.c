@@ -2,7 +2,7 @@
    noise of centimetres. When it is known, that is far less: the bank takes them again, as if it had known it. */
 
 #define FIRST_AGAIN 0.0625 /* of the variance of the offset before the first frame: when for the first time */
-#define AGAIN 0.25         /* of that when they were taken again: when once more */
+#define AGAIN 0.25         /* of that after they were taken again: when once more */
 #define SEEMS 0.1          /* of what is known of the offset, what the noise of the attitudes may seem to show */
 
 /* Keep a node: what it says, without noise of second order, and by what it moved offset and scale; the next begins. */
@@ -100,7 +100,11 @@ static int take_again(Online *filter) {
         measurement_again(&filter->stored[k], wrong[k], of_offset, &measurement);
         sound = update_again(filter, &filter->stored[k], &measurement, seems);
     }
-    if (sound && part_of(&filter->bank[likeliest(filter->bank)], seems) < SEEMS) return 1;
+    const PackedMember *found = &filter->bank[likeliest(filter->bank)];
+    if (sound && part_of(found, seems) < SEEMS) {
+        filter->again = AGAIN * fmin(variance, offset_variance(found));
+        return 1;
+    }
     for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];
     for (int j = 0; j < JUMPS; j++) filter->jump[j] = jumps[j];
     filter->density = density;
