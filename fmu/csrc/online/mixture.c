@@ -136,6 +136,12 @@ static void widened(const double N[PATH_AND_MAP * PATH_AND_MAP], double T[PATH_A
 /* The scale comes first, as nothing but the large filter knows it: what members know of the others they know for a scale. */
 static int ordered(int a) { return (a + SCALE) % PATH_AND_MAP; }
 
+/* A mixture that stands for itself: x, from the shadow, becomes that from the large filter. Returns the sum of its weights. */
+static double alone(const PackedMember *shadow, const Member *large, double sum, double x[ERRORS]) {
+    for (int a = 0; a < PATH_AND_MAP; a++) x[a] += shadow->x[a] - large->x[a];
+    return sum;
+}
+
 /* By what members of a shape correct the large filter: x is to be added to its (r, v, offset, scale), P is the covariance of these
    then; with what these tell of the thrusters. Returns the sum of the weights.
 
@@ -161,7 +167,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
             more[a][b] = 0.0;
         }
     }
-    if (!factored(PATH_AND_MAP, S)) return sum; /* the mixture alone */
+    if (!factored(PATH_AND_MAP, S)) return alone(shadow, large, sum, x);
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = a + 1; b < PATH_AND_MAP; b++) S[PATH_AND_MAP * a + b] = 0.0;
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) back[k] = S[k];
@@ -176,7 +182,7 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
     }
     with_values(U, known, D), with_values(W, rest, V);
     for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) N[k] = D[k / PATH_AND_MAP][k % PATH_AND_MAP] + V[k / PATH_AND_MAP][k % PATH_AND_MAP];
-    if (!factored(PATH_AND_MAP, N)) return sum;
+    if (!factored(PATH_AND_MAP, N)) return alone(shadow, large, sum, x);
     with_values(U, growth, G), with_values(W, wider, T), with_values(U, inverse, V);
     by_matrix(V, off, pull), by_matrix(D, lead, step);
     for (int a = 0; a < PATH_AND_MAP; a++) step[a] += pull[a] - lead[a];

@@ -60,8 +60,7 @@ static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], P
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = 0; b < PATH_AND_MAP; b++) posterior->own[a][b] = large->P[a][b];
     share[0] = mixture(bank, STRAIGHT, large, x[0], P[0], more);
-    share[1] = mixed(bank, BENT, 0, x[1], P[1]);
-    for (int a = 0; a < PATH_AND_MAP; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
+    share[1] = alone(&bank[SHADOW], large, mixed(bank, BENT, 0, x[1], P[1]), x[1]);
     double sum = share[0] + share[1];
     for (int a = 0; a < n; a++) posterior->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
     for (int a = 0; a < n; a++)

@@ -27,6 +27,19 @@ void answer(double of_shadow[PATH_AND_MAP][PATH_AND_MAP], double of_member[PATH_
     mixture(bank, STRAIGHT, &large, x, P, more);
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = 0; b < PATH_AND_MAP; b++) found[a][b] = P[a][b];
+}
+void places(double of_shadow[PATH_AND_MAP][PATH_AND_MAP], const double at[3][PATH_AND_MAP], double found[PATH_AND_MAP])
+{
+    static PackedMember bank[MEMBERS + 1];
+    double unit[PATH_AND_MAP][PATH_AND_MAP] = {{0}}, x[ERRORS], P[ERRORS][ERRORS], more[PATH_AND_MAP][PATH_AND_MAP];
+    Member shadow, member, large;
+    for (int m = 0; m < MEMBERS; m++) bank[m].weight = -INFINITY;
+    for (int a = 0; a < PATH_AND_MAP; a++) unit[a][a] = 1.0;
+    known(of_shadow, &shadow), known(unit, &member), known(unit, &large);
+    for (int a = 0; a < PATH_AND_MAP; a++) shadow.x[a] = at[0][a], member.x[a] = at[1][a], large.x[a] = at[2][a];
+    pack_member(&shadow, &bank[SHADOW]), pack_member(&member, &bank[0]);
+    mixture(bank, STRAIGHT, &large, x, P, more);
+    for (int a = 0; a < PATH_AND_MAP; a++) found[a] = large.x[a] + x[a];
 }"""
 
 
@@ -60,3 +73,11 @@ def test_an_answer_is_wider_by_what_the_large_filter_lacks_and_no_more(core, tim
     else:
         expected = np.linalg.inv(np.linalg.inv(of_member) + np.linalg.inv(of_large) - np.eye(n))
         np.testing.assert_allclose(wider, np.linalg.eigvalsh(root.T @ expected @ root), rtol=1e-6)
+
+
+def test_where_rounding_leaves_the_shadow_no_covariance_the_answer_is_where_the_bank_is(core):
+    """It was as far from the large filter as the bank is from its shadow, wherever that was."""
+    n, rng = core.level(), np.random.default_rng(4)
+    at, found, singular = rng.standard_normal((3, n)), np.zeros(n), np.diag(np.r_[np.ones(n - 1), 0.0])
+    core.places(*(np.ascontiguousarray(one).ctypes.data_as(ctypes.c_void_p) for one in (singular, at, found)))
+    np.testing.assert_allclose(found, at[1], rtol=1e-12)
