@@ -128,7 +128,7 @@ def _coefficients(smooth: SmoothPath, orbital: Path, x: FloatArray) -> FloatArra
     at = chebyshev.chebpts1(smooth.degree + 1)
     time = (smooth.begin + smooth.end) / 2 + (smooth.end - smooth.begin) / 2 * at
     places = orbital.at(time).position(x[: orbital.size])
-    return np.linalg.solve(chebyshev.chebvander(at, smooth.degree), places).ravel()
+    return np.asarray(np.linalg.solve(chebyshev.chebvander(at, smooth.degree), places).ravel())
 
 
 def _squares_by_chance(found: PivotSolution, other: PivotSolution) -> bool:
