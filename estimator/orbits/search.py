@@ -54,17 +54,20 @@ class OrbitFit:
     prior_cost: float
 
 
-def likeliest_orbit(linear: GaussianLikelihood, smooth: SmoothPath, theta: FloatArray) -> OrbitFit | None:
+def likeliest_orbit(
+    linear: GaussianLikelihood, smooth: SmoothPath, theta: FloatArray, *, gaussian: bool = True
+) -> OrbitFit | None:
     """The likeliest orbit for what the tracks tell of the coefficients (p,) of a smooth path; None if none is told.
 
-    theta (h,): the hyperparameters of the smooth path's prior.
+    theta (h,): the hyperparameters of the smooth path's prior; gaussian: whether the orbit has to be told so well that
+    its likelihood is Gaussian, without which the gain says little.
     """
     search = _Search.of(linear, smooth)
     starts = [found for one in _starts(smooth, linear.x) if (found := search.motion_on(one)) is not None]
     for start in sorted(starts, key=lambda one: one.squares)[:STARTS]:
         best = search.refined(start)
         by_elements = search.by_elements(best)
-        if by_elements is None or not search.is_gaussian(best, by_elements):
+        if by_elements is None or (gaussian and not search.is_gaussian(best, by_elements)):
             continue
         try:
             best.elements.orbit(search.middle, EARTH_MU)

@@ -5,6 +5,7 @@ centre of mass in S, g the path.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +56,7 @@ class DriftEquations:
         if prior.free.all():
             found = symmetric_pseudo_inverse(matrix) @ rhs
             return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
-        inverse = symmetric_pseudo_inverse(matrix[:d, :d])
-        information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
-        right = rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d]
+        information, right, inverse = self._without_offsets
         least, total = ROUNDING * self.total, self.total - float(rhs[:d] @ inverse @ rhs[:d])
         variance, x, theta = max(self.noise**2, least), np.zeros(len(right)), None
         for _ in range(NOISE_ROUNDS):
@@ -69,6 +68,19 @@ class DriftEquations:
             variance = max(squares / max(left, 1.0), least)
         offsets = inverse @ (rhs[:d] - matrix[:d, d:] @ x)
         return Drift(x, tuple(offsets.reshape(-1, 3)))
+
+    def of_path(self, variance: float, x: FloatArray) -> GaussianLikelihood:
+        """What they tell of the path's unknowns alone, about x (p,), for a variance of a coordinate of weight 1."""
+        information, right, _ = self._without_offsets
+        return GaussianLikelihood(information / variance, (right - information @ x) / variance, x)
+
+    @cached_property
+    def _without_offsets(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The equations (p, p) and (p,) of x, with the offsets eliminated, and the inverse (3 k, 3 k) of theirs."""
+        matrix, rhs, d = self.matrix, self.rhs, self.offsets
+        inverse = symmetric_pseudo_inverse(matrix[:d, :d])
+        information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
+        return information, rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d], inverse
 
 
 def drift_equations(registered: Registered, roots: list[FloatArray], path: SampledPath, noise: float) -> DriftEquations:

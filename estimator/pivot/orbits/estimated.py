@@ -19,6 +19,7 @@ from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.orbits.smooth_rotation import by_smooth_rotation
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import refined
@@ -61,7 +62,7 @@ def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
     """The orbit that a smooth path may lie on; what is asked for as a polynomial stays one.
 
     Near the smooth path it is known how likely the orbit is, but where most of what the tracks tell there is spurious:
-    then the path follows noise of the attitudes, as none on an orbit could.
+    then the path follows noise of the attitudes, as none on an orbit could, and the orbit is sought without that.
     """
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
@@ -71,9 +72,13 @@ def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
     theta = found.posterior.theta
     linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
     fit = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)])
-    if fit is None or (fit.gain < DECISIVE and found.shown_spurious_share < SPURIOUS):
+    if fit is not None and fit.gain >= DECISIVE:
+        return fit
+    if found.shown_spurious_share < SPURIOUS:
         return None
-    return fit
+    told = by_smooth_rotation(found, smooth)
+    other = None if told is None else likeliest_orbit(told, smooth, maximise(told, smooth.prior), gaussian=False)
+    return fit if other is None else other
 
 
 def _refined_on(
