@@ -1,5 +1,6 @@
 """An orbit that is not given, where the path tells it."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -39,16 +40,14 @@ def with_estimated_orbit(
     found: PivotSolution, start: InitialSolution, options: PathOptions
 ) -> tuple[PivotSolution, InitialSolution]:
     """The solution on an orbit that a smooth path itself tells, if it is likelier there, and its start."""
-    fit = _orbit_of(found, options)
-    if fit is None:
-        return found, start
-    try:
-        other, fresh = _refined_on(fit, found, start, options)
-    except (ComputationError, InputError):  # the latter of an orbit that is none
-        return found, start
-    if not other.converged:
-        return found, start
-    return (other, fresh) if _is_likelier(found, other, start, fit) else (found, start)
+    for fit in _orbits_of(found, options):
+        try:
+            other, fresh = _refined_on(fit, found, start, options)
+        except (ComputationError, InputError):  # the latter of an orbit that is none
+            continue
+        if other.converged and _is_likelier(found, other, start, fit):
+            return other, fresh
+    return found, start
 
 
 def _is_likelier(found: PivotSolution, other: PivotSolution, start: InitialSolution, fit: OrbitFit) -> bool:
@@ -58,27 +57,28 @@ def _is_likelier(found: PivotSolution, other: PivotSolution, start: InitialSolut
     return _squares_by_chance(found, other) and _gain_there(found, other, start) >= DECISIVE
 
 
-def _orbit_of(found: PivotSolution, options: PathOptions) -> OrbitFit | None:
-    """The orbit that a smooth path may lie on; what is asked for as a polynomial stays one.
+def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]:
+    """The orbits that a smooth path may lie on; what is asked for as a polynomial stays one.
 
     Near the smooth path it is known how likely the orbit is, but where most of what the tracks tell there is spurious:
-    then the path follows noise of the attitudes, as none on an orbit could, and the orbit is sought without that.
+    then the path follows noise of the attitudes, as none on an orbit could, and the orbit is sought without that, too.
     """
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
-        return None
+        return
     if found.slip > 0 or found.path_unknowns <= CUBIC:
-        return None
+        return
     theta = found.posterior.theta
     linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
-    fit = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)])
-    if fit is not None and fit.gain >= DECISIVE:
-        return fit
-    if found.shown_spurious_share < SPURIOUS:
-        return None
-    told = by_smooth_rotation(found, smooth)
-    other = None if told is None else likeliest_orbit(told, smooth, maximise(told, smooth.prior), gaussian=False)
-    return fit if other is None else other
+    fit, spurious = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)]), False
+    if fit is None or fit.gain < DECISIVE:
+        spurious = found.shown_spurious_share >= SPURIOUS
+        told = by_smooth_rotation(found, smooth) if spurious else None
+        other = None if told is None else likeliest_orbit(told, smooth, maximise(told, smooth.prior), gaussian=False)
+        if other is not None and other.gain >= DECISIVE:
+            yield other
+    if fit is not None and (fit.gain >= DECISIVE or spurious):
+        yield fit
 
 
 def _refined_on(
