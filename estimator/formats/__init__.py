@@ -11,7 +11,7 @@ from baryscope.estimator.formats.markers import MARKER_FORMS, with_marker
 from baryscope.estimator.formats.read import ENDINGS, read_tracks
 from baryscope.estimator.formats.trc import write_trc
 from baryscope.estimator.formats.units import METRES, Unit
-from baryscope.estimator.formats.write import WRITABLE, writable, write_tracks, writer_of_tracks
+from baryscope.estimator.formats.write import WRITABLE, refuse_unmarkable, writable, write_tracks, writer_of_tracks
 
 __all__ = [
     "ENDINGS",
@@ -21,6 +21,7 @@ __all__ = [
     "Unit",
     "dataset_of_tracks",
     "read_tracks",
+    "refuse_unmarkable",
     "tracks_of",
     "tracks_of_dataset",
     "with_marker",

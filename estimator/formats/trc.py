@@ -60,9 +60,7 @@ def write_trc(tracks: FeatureTracks, name: str, stream: TextIO) -> None:
     Raises:
         InputError: they have covariances or an epoch, or a label a tab or line break, which TRC has no place for.
     """
-    refuse_untold(tracks, name, "TRC")
-    if bad := [label for label in tracks.labels if label != label.strip() or set(label) & set("\t\r\n") or not label]:
-        raise InputError(f"{name}: found the label {bad[0]!r}, expected one without tabs, line breaks and blank ends")
+    refuse_unfit(tracks, name)
     frames, m = len(tracks.time), len(tracks.labels)
     rate = f"{1 / np.median(np.diff(tracks.time)) if frames > 1 else 1.0:.9g}"
     facts = {"DataRate": rate, "CameraRate": rate, "NumFrames": frames, "NumMarkers": m, "Units": "mm"}
@@ -75,6 +73,17 @@ def write_trc(tracks: FeatureTracks, name: str, stream: TextIO) -> None:
         told = ("" if np.isnan(value) else f"{value:.15g}" for value in cells)
         rows.append([index + 1, f"{tracks.time[index]:.15g}", *told])
     stream.writelines("\t".join(map(str, row)) + "\n" for row in rows)
+
+
+def refuse_unfit(tracks: FeatureTracks, name: str) -> None:
+    """Check that tracks can be written as TRC of that name.
+
+    Raises:
+        InputError: as of `write_trc`.
+    """
+    refuse_untold(tracks, name, "TRC")
+    if bad := [label for label in tracks.labels if label != label.strip() or set(label) & set("\t\r\n") or not label]:
+        raise InputError(f"{name}: found the label {bad[0]!r}, expected one without tabs, line breaks and blank ends")
 
 
 def _refuse_contradictions(facts: Mapping[str, str], frames: int, markers: int, place: str) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from baryscope.estimator.formats.c3d_write import c3d_bytes
 from baryscope.estimator.formats.dataset import dataset_of_tracks, xarray_for
-from baryscope.estimator.formats.markers import MARKER_FORMS
-from baryscope.estimator.formats.trc import write_trc
+from baryscope.estimator.formats.markers import MARKER_FORMS, with_marker
+from baryscope.estimator.formats.trc import refuse_unfit, write_trc
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_of
@@ -53,7 +53,7 @@ def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
     """What writes the file of `write_tracks`.
 
     Raises:
-        InputError: another ending, or what xarray needs for .nc or .zarr is missing, or .c3d cannot hold them.
+        InputError: another ending, or what xarray needs for .nc or .zarr is missing, or .trc or .c3d cannot hold them.
     """
     match writable(path, (*WRITABLE, *MARKER_FORMS)).suffix:
         case ".parquet":
@@ -63,11 +63,22 @@ def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
         case ".zarr":
             return zarr(dataset_of_tracks(tracks))
         case ".trc":
+            refuse_unfit(tracks, str(path))
             return partial(write_trc, tracks, Path(path).name)
         case ".c3d":
             content = c3d_bytes(tracks, str(path))
             return Whole(lambda place: place.write_bytes(content))
     return tracks.write_rows
+
+
+def refuse_unmarkable(tracks: FeatureTracks, path: Path) -> None:
+    """Check that a recording can be written with a centre as one more marker, before that is found: in .trc or .c3d.
+
+    Raises:
+        InputError: it has a marker of the file's name, or the form cannot hold it.
+    """
+    nowhere = with_marker(tracks, path.stem, tracks.time[:0], tracks.position[:0, 0], str(path))
+    writer_of_tracks(nowhere, path)
 
 
 def parquet(columns: Mapping[str, Any]) -> Whole:

@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope.estimator.document.files import write_estimate
-from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, writable
+from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, refuse_unmarkable, writable
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
@@ -95,6 +95,8 @@ def estimate_file(
                 data = named_features(data, features, "--features", LEAST_FEATURES)
             refuse_implausible(data, str(tracks))
             known = frames.read(data)
+            if output.suffix in MARKER_FORMS:
+                refuse_unmarkable(recorded, output)
             data = known.dated(data)
             options, request = forces.read_into(options, known.epoch, known.camera), prediction.of(data)
         with stage(progress, f"estimating by {method}") as share:

@@ -10,7 +10,15 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope import __version__
-from baryscope.estimator.formats import MARKER_FORMS, Unit, read_tracks, with_marker, writable, writer_of_tracks
+from baryscope.estimator.formats import (
+    MARKER_FORMS,
+    Unit,
+    read_tracks,
+    refuse_unmarkable,
+    with_marker,
+    writable,
+    writer_of_tracks,
+)
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.limits import FINEST
 from baryscope.estimator.plausibility import refuse_implausible, width_of
@@ -87,6 +95,8 @@ def find_joint(
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"--parent and --child: found {both[0]} in both, expected markers of one body each")
         refuse_implausible(data, str(tracks))
+        if output is not None and output.suffix in MARKER_FORMS:
+            refuse_unmarkable(data, output)
         with stage(progress, "finding the joint"):
             try:
                 found = joint(ground, moving, method=method)

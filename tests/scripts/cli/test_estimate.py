@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate, read_tracks, write_tracks
 from baryscope.scripts.cli import app
+from baryscope.scripts.cli import estimate as cli_estimate
+from baryscope.scripts.cli import joint as cli_joint
 from synthetic import box_features
 
 
@@ -107,6 +109,29 @@ def test_a_centre_that_a_marker_cannot_tell_is_refused(tracks, probe, capsys):
         assert not list(tracks.parent.glob("e.*"))
     assert app.main(["estimate", "probe.trc", "--features", "a,b,c,d", "-q", "-o", "table.c3d"]) == 2
     assert "table.c3d: the recording has a marker table, as the centre would be named" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("e.trc", "e.trc: found tracks with an epoch, for which TRC has no place"),
+        ("e.c3d", "e.c3d: found tracks with an epoch, for which C3D has no place"),
+        ("F1.trc", "F1.trc: the recording has a marker F1, as the centre would be named"),
+    ],
+)
+def test_a_recording_that_cannot_be_written_is_refused_before_the_centre_is_sought(
+    tracks, capsys, monkeypatch, name, found
+):
+    """By `estimate` and by `joint`, with the file's whole path: the line came after the whole computation."""
+    for module, function in ((cli_estimate, "estimate"), (cli_joint, "joint")):
+        monkeypatch.setattr(module, function, lambda *_, **__: pytest.fail("the centre was sought"))
+    read = FeatureTracks.read_csv(tracks)
+    dated = FeatureTracks(read.time, read.position, read.labels, epoch="2000-06-28T00:00:00Z")
+    dated.write_csv(tracks)
+    for command in (["estimate", "--trajectory", "fixed"], ["joint", "--child", "F0,F1,F2"]):
+        assert app.main([*command, str(tracks), "-o", str(tracks.parent / name)]) == 2
+        assert capsys.readouterr().err.splitlines()[-1] == f"baryscope: {tracks.parent / found}"
+    assert [path.name for path in tracks.parent.iterdir()] == ["tracks.csv"]
 
 
 TLE = """\
