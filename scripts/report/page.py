@@ -14,7 +14,7 @@ from baryscope.models.files import AnyPath, write_together
 from baryscope.report.document import Report, data_of
 
 STYLE = "page.css"
-DRAWING = ("drawing.js", "theme.js", "chart.js", "turning.js", "moment.js", "stage.js")
+DRAWING = ("drawing.js", "theme.js", "chart.js", "turning.js", "moment.js", "lettering.js", "stage.js")
 """What draws on any page."""
 SCRIPTS = (*DRAWING, "timeline.js", "scene.js", "page.js")
 UNSAFE = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}

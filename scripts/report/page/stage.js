@@ -2,7 +2,9 @@
 
 const VIEWS = ["target", "chaser and target", "errors and ellipsoids"];
 const AXES = { "inertial axes": () => IDENTITY, "LVLH axes": (moment) => away(moment.orbit), "body axes": (moment) => away(moment.attitude) };
-const PAINTS = ["ink", "soft", "line", "face", "accent", "paper", "c0", "c1", "c2", "c3", "c4", "c5", "c6", "c7"];
+const PAINTS = ["ink", "soft", "line", "face", "accent", "paper", "panel", "c0", "c1", "c2", "c3", "c4", "c5", "c6", "c7"];
+
+const NAME = 40; // letters
 
 const away = (quaternion) => (known(quaternion) ? transposed(fromQuaternion(...quaternion)) : IDENTITY);
 
@@ -51,7 +53,7 @@ function Stage(what, view = 0) {
     const scale = Math.min(width, height) / 2 / radius();
     const eye = looking(camera.azimuth, camera.elevation), V = product(eye, inAxes(now));
     const seen = (v, by = V) => { const p = turn(by, v); return [width / 2 + scale * p[0], height / 2 - scale * p[1], p[2]]; };
-    const view = { pen, scale, V, eye, seen, width, height };
+    const view = { pen, scale, V, eye, seen, width, height, words: [], marks: [] };
     if (camera.trail && state.view !== 0) trails(view);
     sight(view);
     if (camera.shape && state.view !== 2) shape(view);
@@ -60,6 +62,8 @@ function Stage(what, view = 0) {
     now.ghosts.forEach((ghost, index) => { if (what.ghosts[index].shown) ghostly(view, ghost, index); });
     centre(view);
     ruler(view);
+    if (camera.names) names(view);
+    words(view);
   }
 
   function line(view, from, to, paint, width = 1.2, dashes = []) {
@@ -68,11 +72,11 @@ function Stage(what, view = 0) {
     pen.strokeStyle = paint; pen.lineWidth = width; pen.stroke(); pen.setLineDash([]);
   }
 
-  function word(view, text, x, y, paint) {
-    view.pen.font = "12px system-ui, sans-serif";
-    view.pen.fillStyle = paint;
-    const inside = x > 0 && x < view.width; // what is far out stays there
-    view.pen.fillText(text, inside ? Math.max(2, Math.min(x, view.width - view.pen.measureText(text).width - 2)) : x, y);
+  // Those that are told first have the better places.
+  function words({ pen, width, height, words: told, marks }) {
+    const lettering = Lettering(pen, width, height);
+    for (const mark of marks) lettering.keepOff(...mark);
+    for (const { text, at, paint, gap, places } of told) lettering.put(text, at[0], at[1], paint, colour.panel, gap, places);
   }
 
   // Where the chaser has been, and where the estimates have been, as seen from the centre of mass in the chosen axes.
@@ -105,11 +109,13 @@ function Stage(what, view = 0) {
     if (to[0] > 0 && to[0] < view.width && to[1] > 0 && to[1] < view.height) {
       view.pen.fillStyle = colour.accent;
       view.pen.fillRect(to[0] - 5, to[1] - 5, 10, 10);
-      word(view, "chaser", to[0] + 9, to[1] + 4, colour.accent);
+      view.marks.push([...to.slice(0, 2), 5]);
+      view.words.push({ text: "chaser", at: to, paint: colour.accent, gap: 9 });
       return;
     }
     const length2 = Math.hypot(to[0] - from[0], to[1] - from[1]);
-    if (length2 > 40) word(view, "to the chaser", from[0] + (to[0] - from[0]) * 130 / length2 + 6, from[1] + (to[1] - from[1]) * 130 / length2, colour.accent);
+    const at = [0, 1].map((i) => from[i] + (to[i] - from[i]) * 130 / length2);
+    if (length2 > 40) view.words.push({ text: "to the chaser", at, paint: colour.accent, gap: 6 });
   }
 
   function shape(view) {
@@ -142,7 +148,13 @@ function Stage(what, view = 0) {
       pen.fillStyle = looks === "2" ? colour.c3 : looks === "1" ? colour.ink : colour.paper;
       pen.strokeStyle = looks === "2" ? colour.c3 : looks === "1" ? colour.ink : colour.soft;
       pen.lineWidth = 1.2; pen.fill(); pen.stroke();
-      if (camera.names) word(view, what.labels[j], x + 7, y - 5, colour.soft);
+      view.marks.push([x, y, 4]);
+    });
+  }
+
+  function names(view) {
+    now.features.forEach((v, j) => {
+      if (known(v)) view.words.push({ text: shortened(what.labels[j], NAME), at: view.seen(v), paint: colour.soft, gap: 7 });
     });
   }
 
@@ -151,7 +163,7 @@ function Stage(what, view = 0) {
     ["radial", "along-track", "cross-track"].forEach((name, column) => {
       const end = view.seen([R[column] * size, R[3 + column] * size, R[6 + column] * size]);
       line(view, view.seen([0, 0, 0]), end, colour.c2, 1.4);
-      word(view, name, end[0] + 4, end[1] - 4, colour.c2);
+      view.words.push({ text: name, at: end, paint: colour.c2, gap: 4 });
     });
   }
 
@@ -166,7 +178,7 @@ function Stage(what, view = 0) {
       pen.strokeStyle = paint; pen.lineWidth = 1.4; pen.stroke();
     }
     pen.beginPath(); pen.arc(x, y, 3.5, 0, 7); pen.fillStyle = paint; pen.fill();
-    if (state.view === 2 && what.ghosts.length > 1) word(view, what.ghosts[index].label, x + 9, y + 4 + 14 * index, paint);
+    if (state.view === 2 && what.ghosts.length > 1) view.words.push({ text: what.ghosts[index].label, at: [x, y], paint, gap: 9 });
   }
 
   function centre(view) {
@@ -179,7 +191,7 @@ function Stage(what, view = 0) {
     const wide = view.width / 5 / view.scale, power = 10 ** Math.floor(Math.log10(wide));
     const size = [5, 2, 1].map((one) => one * power).find((one) => one <= wide), y = view.height - 16;
     line(view, [14, y], [14 + size * view.scale, y], colour.ink, 2);
-    word(view, length(size), 14, y - 6, colour.ink);
+    view.words.unshift({ text: length(size), at: [14, y], paint: colour.ink, gap: 0, places: [[1, -6]] });
   }
 
   function rotate(right, up) {

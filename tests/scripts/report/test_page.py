@@ -145,6 +145,44 @@ def test_dragging_and_keys_turn_and_enlarge_the_scene(page):
     assert page.value(EMPTY) not in pictures
 
 
+BOXES = """(() => {
+    const pen = CanvasRenderingContext2D.prototype, plain = pen.fillText;
+    window.words = [];
+    pen.fillText = function (text, x, y) {
+        const { clientWidth, clientHeight } = this.canvas;
+        window.words.push([text, x, x + this.measureText(text).width, y, clientWidth, clientHeight]);
+        plain.call(this, text, x, y);
+    };
+})()"""
+LETTERS = 9.0  # px, that a capital of 12 px is high
+
+
+def test_words_of_the_scene_are_apart_and_inside_however_it_is_turned(page):
+    """`radial` stood on `chaser`, and the hull over both, where the axes of the orbit point to the reader."""
+    page.value(BOXES)
+    turns = np.random.default_rng(5).uniform(-3.0, 3.0, (60, 2))
+    for view in range(3):
+        pick(page, 0, view)
+        seen = page.value(f"""(() => {{ const found = [], canvas = document.querySelector('{CANVAS}');
+            const told = (kind, x, y) => canvas.dispatchEvent(
+                new PointerEvent(kind, {{ clientX: x, clientY: y, pointerId: 1, bubbles: true }}));
+            canvas.setPointerCapture = () => null;
+            for (const [right, up] of {json.dumps(turns.tolist())}) {{
+                told("pointerdown", 0, 0); window.words = []; told("pointermove", 150 * right, 150 * up);
+                told("pointerup", 0, 0); found.push(window.words); }}
+            return found; }})()""")
+        assert len(seen) == 60
+        assert {"radial", "along-track", "cross-track"} < {word[0] for picture in seen for word in picture}
+        for picture in seen:
+            for text, left, right, base, width, height in picture:
+                assert left >= 0, text
+                assert right <= width, text
+                assert LETTERS <= base <= height, text
+            for one, other in itertools.combinations(picture, 2):
+                apart = one[2] <= other[1] or other[2] <= one[1] or abs(one[3] - other[3]) >= LETTERS
+                assert apart, (view, one, other)
+
+
 def test_legends_hide_curves(page):
     count = "document.querySelectorAll('main > section:nth-of-type(3) path.curve').length"
     key = "main > section:nth-of-type(3) button.key"
