@@ -115,7 +115,12 @@ def _row(line: str, columns: int, place: str) -> FloatArray:
     if any(cell.strip() for cell in cells[columns:]):
         raise InputError(f"{place}: {len(cells)} cells, expected {columns}")
     cells = [cell.strip() for cell in cells[:columns]] + [""] * (columns - len(cells))
+    numbers: list[float] = []
     try:
-        return np.array([float(cell) if cell else np.nan for cell in cells])
+        numbers.extend(float(cell) if cell else np.nan for cell in cells)
     except ValueError as error:
-        raise InputError(f"{place}: {error}, expected numbers between tabs") from error
+        column = len(numbers)
+        raise InputError(
+            f"{place}, column {column + 1}: found {cells[column][:40]!r}, expected a number, with a point, or nothing"
+        ) from error
+    return np.array(numbers)

@@ -56,7 +56,11 @@ def test_trc_with_facts_left_out(tracks, tmp_path):
         ),
         (lambda text: text.replace("left\t\t\t", "left\t\t"), "line 4: expected a label above each three columns"),
         (lambda text: text.replace("\n3\t1.0\t", "\n3\t1.0\tone\t"), "line 9: 15 cells, expected 14"),
-        (lambda text: text.replace("\n3\t1.0\t", "\n3\tone\t"), "line 9: could not convert string to float: 'one'"),
+        (lambda text: text.replace("\n3\t1.0\t", "\n3\tone\t"), "line 9, column 2: found 'one', expected a number,"),
+        (
+            lambda text: text.replace(".", ","),
+            r"t\.trc, line 7, column 2: found '0,0', expected a number, with a point, or nothing",
+        ),
         (lambda text: text.replace("\n3\t1.0\t", "\n3\t0.5\t"), "time goes from 0.5 to 0.5"),
         (lambda text: text.replace("right", "left"), "label 'left' stands twice"),
         (lambda text: "\n".join(text.splitlines()[:6]), "no frames after line 5"),
