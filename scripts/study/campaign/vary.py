@@ -191,7 +191,10 @@ def prepared(data: Data, ranges: Sequence[Range], name: str) -> dict[str, Any]:
 
 def _check_kind(one: Range, whole: Data, name: str) -> None:
     """That a field is a number, or three of them."""
-    kind = field_at(one.path, Scenario).kind
+    try:
+        kind = field_at(one.path, Scenario).kind
+    except InputError as error:
+        raise InputError(f"vary {error}") from error
     tables = len(one.path) - isinstance(one.path[-1], str)  # a number by its name may be absent, one in a list not
     for k in range(1, tables + 1):
         if _at(whole, one.path[:k]) is None:
