@@ -5,7 +5,7 @@ checks any such archive, and `master` steps it.
 """
 
 from baryscope.fmu.system.master import Master
-from baryscope.fmu.system.opening import open_system
+from baryscope.fmu.system.opening import open_system, refuse_step
 from baryscope.fmu.system.package import build_system
 
-__all__ = ["Master", "build_system", "open_system"]
+__all__ = ["Master", "build_system", "open_system", "refuse_step"]

@@ -30,6 +30,16 @@ WARNING, ERROR = 1, 3  # of FMI's statuses; from the second on they are errors
 Link = tuple[str, str, str, str]  # element and scalar, of start and end
 
 
+def refuse_step(step_size: float | None) -> None:
+    """Check a master's step, s, if there is one.
+
+    Raises:
+        InputError: it is too short.
+    """
+    if step_size is not None and not step_size >= SHORTEST_STEP:
+        raise InputError(f"step: found {step_size:g} s, expected at least {SHORTEST_STEP:g} s")
+
+
 @contextmanager
 def open_system(path: Path, step_size: float | None = None) -> Iterator[Master]:
     """A master of the system in an .ssp archive, initialised.
@@ -43,8 +53,7 @@ def open_system(path: Path, step_size: float | None = None) -> Iterator[Master]:
         DiskError: there is no room to unpack it.
         UnitError: a unit refuses its parameters.
     """
-    if step_size is not None and not step_size >= SHORTEST_STEP:
-        raise InputError(f"step: found {step_size:g} s, expected at least {SHORTEST_STEP:g} s")
+    refuse_step(step_size)
     opened: dict[str, Unit] = {}
     with temporary_folder() as top:
         folder = top / "archive"

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from baryscope.fmu.system import build_system
+from baryscope.fmu.system import build_system, refuse_step
 from baryscope.models.errors import InputError
 from baryscope.models.files import check_outputs, temporary_folder
 from baryscope.models.scenario import load_scenario, scenario_path
@@ -56,6 +56,7 @@ def fly(
         raise InputError(f"{system} and --scenario {scenario}: found two, expected a system or a scenario")
     if system is not None and controller is not None:
         raise InputError(f"{system} and --controller {controller}: found two, but the system has a controller already")
+    _refuse_times(duration, step)
     name = scenario or "envisat"
     flown = load_scenario(name) if system is None else None
     folder = output or Path(f"{flown.name if flown else Path(str(system)).stem}-flight")
@@ -83,6 +84,19 @@ def fly(
     words = [*_words(found), f"report, for a browser: {folder / REPORT}", f"files in {folder}"]
     show.result(found | {"files": [str(path) for path in files]}, *words)
     return 0 if found["status"] == "tracking" and found["retreating_since"] is None else UNTRUSTED
+
+
+def _refuse_times(duration: float | None, step: float | None) -> None:
+    """Check duration and step, s, as far as they can be without the units, whose building may take a minute.
+
+    Raises:
+        InputError: there is no flight of that duration in steps of that size.
+    """
+    refuse_step(step)
+    least = step or 0.0
+    if duration is not None and not (duration > 0 and duration >= least):
+        expected = f"{least:g} s, a step, or more" if step else "more than 0 s"
+        raise InputError(f"duration: found {duration:g} s, expected {expected}")
 
 
 def _words(found: dict[str, Any]) -> list[str]:

@@ -240,7 +240,8 @@ def test_the_command(system, tmp_path, capsys):
     ("arguments", "line"),
     [
         (["{system}", "--scenario", "envisat"], "found two, expected a system or a scenario"),
-        (["{system}", "--duration", "0"], "duration: found 0.0 s, expected 1 s or more"),
+        (["{system}", "--duration", "0"], "duration: found 0 s, expected more than 0 s"),
+        (["{system}", "--duration", "0.5"], "duration: found 0.5 s, expected 1 s or more"),
         (["{system}", "--duration", "1e300"], f"in steps of that size, and {MOST_STEPS:g} s at most"),
         (["{system}", "--step", "-1"], "step: found -1 s, expected at least 1e-06 s"),
         (["no.ssp"], "no.ssp: No such file or directory, expected a system of FMI 2.0 units"),
@@ -251,6 +252,21 @@ def test_what_is_refused_in_a_line(arguments, line, system, tmp_path, capsys):
     assert main(["fly", *given, "-o", str(tmp_path / "out")]) == 2
     assert line in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--duration", "-5"], "duration: found -5 s, expected more than 0 s"),
+        (["--duration", "nan"], "duration: found nan s, expected more than 0 s"),
+        (["--duration", "1", "--step", "2"], "duration: found 1 s, expected 2 s, a step, or more"),
+        (["--step", "0"], "step: found 0 s, expected at least 1e-06 s"),
+    ],
+)
+def test_a_flight_that_cannot_be_is_refused_before_units_are_built(arguments, line, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(fly, "build_system", lambda *_, **__: pytest.fail("units were built"))
+    assert main(["fly", *arguments, "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err == f"baryscope: {line}\n"
 
 
 def test_a_unit_alone_is_no_system(envisat_fmu):
