@@ -18,7 +18,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import check_outputs
 from baryscope.models.words import counted, length
 from baryscope.progress import stage
-from baryscope.report import html_of, report_of_estimate
+from baryscope.report import html_of, prediction_chart, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.options.features import named_features
 from baryscope.scripts.cli.options.forces import ForceChoices
@@ -107,11 +107,13 @@ def estimate_file(
     lines = summary(result)
     made = None if request is None else request.made(result)
     refused, predicted = (made, None) if isinstance(made, Refused) else (None, made)
+    chart = None
     if predicted is not None:
         lines.append(prediction.line(predicted, ahead))
+        chart = prediction_chart(predicted, lines[-1])
     page = None
     if report:
-        page = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name))
+        page = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name, chart))
         lines.append(f"report, for a browser: {report_file}")
     markers = None
     if output.suffix in MARKER_FORMS:

@@ -6,8 +6,9 @@ flown or drawn many times makes its own in `baryscope.study`.
 """
 
 from baryscope.report.document import Report
+from baryscope.report.estimates import prediction_chart
 from baryscope.report.joints import report_of_joint
 from baryscope.report.own_tracks import report_of_estimate
 from baryscope.report.page import html_of, write_report
 
-__all__ = ["Report", "html_of", "report_of_estimate", "report_of_joint", "write_report"]
+__all__ = ["Report", "html_of", "prediction_chart", "report_of_estimate", "report_of_joint", "write_report"]

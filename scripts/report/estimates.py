@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.document.document import document_of
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import summary, untested, verdict
 from baryscope.estimator.result import Estimate, Status
 from baryscope.report.charts import SIGMAS, curve
@@ -186,13 +187,24 @@ def deviation_chart(result: Estimate, **how: Any) -> Chart | None:
     """What the covariance says of the path over time: all three axes together, and the worst direction."""
     if result.covariance is None:
         return None
-    greatest = np.sqrt(np.maximum(np.linalg.eigvalsh(result.covariance)[:, -1], 0.0))
-    total = np.sqrt(np.trace(result.covariance, axis1=1, axis2=2))
-    gaps = gaps_of(result.time)
-    series = (
-        curve("rms of the three axes together", result.time, 1e3 * total, gaps=gaps, colour=5),
-        curve("worst direction", result.time, 1e3 * greatest, gaps=gaps, colour=3, style="dashed"),
-    )
+    series = _deviations(result.time, result.covariance)
     return Chart(
         "What the method claims", "±1σ of the centre of mass by its covariance.", "mm", series, log=True, **how
+    )
+
+
+def prediction_chart(found: Prediction, words: str) -> Chart:
+    """What the covariance says of a predicted position; words: of which point it is, and how well known at the end."""
+    series = _deviations(found.time, found.covariance[:, :3, :3])
+    return Chart("Prediction", f"±1σ of the position by its covariance. {words}", "mm", series, log=True, timed=False)
+
+
+def _deviations(time: FloatArray, covariance: FloatArray) -> tuple[Series, ...]:
+    """Of positions, mm: of all three axes together, and in the worst direction."""
+    greatest = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
+    total = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    gaps = gaps_of(time)
+    return (
+        curve("rms of the three axes together", time, 1e3 * total, gaps=gaps, colour=5),
+        curve("worst direction", time, 1e3 * greatest, gaps=gaps, colour=3, style="dashed"),
     )

@@ -19,7 +19,9 @@ BoolArray = NDArray[np.bool_]
 COLOUR = 5
 
 
-def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | None, name: str) -> Report:
+def report_of_estimate(
+    result: Estimate, tracks: FeatureTracks, orbit: Orbit | None, name: str, predicted: Part | None = None
+) -> Report:
     """The report of an estimate of tracks.
 
     Args:
@@ -27,6 +29,7 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
         tracks: what it was made from, in C.
         orbit: of the target, if it is known; the scene then has LVLH axes.
         name: of the tracks, for the title.
+        predicted: what is shown of a prediction, as by `prediction_chart`.
     """
     shades = blackouts(tracks.time, tracks.seen)
     shaded = {"shades": shades, "shade": "nothing seen"}
@@ -34,6 +37,8 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
     deviations = deviation_chart(result, **shaded)
     if deviations is not None:
         parts.append(deviations)
+    if predicted is not None:
+        parts.append(predicted)
     rejected = in_tracks(result.rejected, result.labels, tracks)
     parts.append(coverage(tracks.time, tracks.labels, tracks.seen, rejected))
     return Report(

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate, read_tracks, write_tracks
+from baryscope.report import prediction_chart
 from baryscope.scripts.cli import app
 from baryscope.scripts.cli import estimate as cli_estimate
 from baryscope.scripts.cli import joint as cli_joint
@@ -217,6 +218,14 @@ def test_a_prediction_is_a_file_of_its_own(tracks, tmp_path, capsys):
     np.testing.assert_allclose(values[:, 1:4], result.position, atol=1e-9)
     upper = np.triu_indices(6)
     np.testing.assert_allclose(values[:, 7:], result.covariance[:, *upper], rtol=1e-6, atol=1e-15)
+    told = (tmp_path / "e.report.html").read_text(encoding="utf-8")
+    assert "covariance. F2 in 2.5 s: ±0.0" in told
+    total, worst = prediction_chart(result, "").series
+    np.testing.assert_allclose(total.x, values[:, 0])
+    variances = values[:, [names.index(name) for name in ("cxx", "cyy", "czz")]]
+    np.testing.assert_allclose(total.y, 1e3 * np.sqrt(variances.sum(axis=1)), rtol=1e-6)
+    assert (worst.y >= 1e3 * np.sqrt(variances.max(axis=1))).all()
+    assert (worst.y < total.y).all()
 
 
 def test_what_an_older_estimate_left_is_removed(tracks, tmp_path):
@@ -232,6 +241,7 @@ def test_what_an_older_estimate_left_is_removed(tracks, tmp_path):
     assert written() == {path, diagnostics, prediction, report}
     assert app.main(command) == 0
     assert written() == {path, diagnostics, report}
+    assert "covariance. centre of mass in 5 s" not in report.read_text(encoding="utf-8")
     assert app.main([*command, "--no-report"]) == 0
     assert written() == {path, diagnostics}
 
