@@ -54,10 +54,11 @@ typedef struct {
 /* What a node says of a member's errors: c is r - lag v + offset + scale, with matrices for v and offset, which is in B, and
    a vector for the scale.
    turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. span: since the node
-   before, s. seems: information on the offset, in B, that it only seems to show, 1/m2 (seeming.c), and its inverse, 0 where it has none. */
+   before, s. seems: information on the offset, in B, that it only seems to show, 1/m2 (seeming.c), and its inverse, 0 where it has none; sharpness: that on a
+   coordinate of c, 1/m2. */
 typedef struct {
     const Transition *since; /* by which members have to go on first, or NULL */
-    double bend, span, seems[3][3], seems_spread[3][3];
+    double bend, span, seems[3][3], seems_spread[3][3], sharpness;
     double by_thrust[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */

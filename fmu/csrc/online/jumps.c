@@ -111,7 +111,7 @@ static void weigh_members(Online *filter) {
    covariance indefinite. Of one that becomes less likely than `least`, only how likely. */
 static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest, double least) {
     const int sound = update_on_curve(member, measurement, curve, least);
-    if (!(member->weight < least)) take_back_of_member(member, measurement->seems_spread, widest);
+    if (!(member->weight < least)) take_back_of_member(member, measurement, process_noise_of((int)member->steady).white, widest);
     return sound;
 }
 

@@ -59,10 +59,10 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
     turn_left(&dx[ATTITUDE], filter->R);
-    take_back(filter, measurement->seems_spread);
+    take_back(filter, measurement);
     Member shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
-    take_back_of_member(&shadow, measurement->seems_spread, filter->widest);
+    take_back_of_member(&shadow, measurement, filter->density, filter->widest);
     pack_member(&shadow, &filter->bank[SHADOW]);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += measurement->seems[i][j];

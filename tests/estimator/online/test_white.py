@@ -1,0 +1,37 @@
+"""White acceleration of a density that nobody told: what of it the bank takes for what."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from compiling import online_core_of
+
+FUNCTIONS = """#include "library.c"
+double part(double density, double T, double variance)
+{
+    Measurement measurement = {.span = T, .noise = {{variance, 0.0, 0.0}, {0.0, variance, 0.0}, {0.0, 0.0, variance}}};
+    const double R[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+    find_seeming(R, &measurement);
+    return seen_part(&measurement, density);
+}"""
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory):
+    core = online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
+    core.part.restype, core.part.argtypes = ctypes.c_double, [ctypes.c_double] * 3
+    return core
+
+
+@pytest.mark.parametrize("density", [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-3])
+def test_a_path_with_noise_leaves_the_part_of_a_node_that_all_others_do_not_tell(core, density):
+    """The precision of the middle one of 401 nodes, given all others, over that of its own noise: dense."""
+    count, T, variance = 401, 2.5, 1.6e-5
+    k = np.arange(count)
+    early, late = np.minimum.outer(k, k) * T, np.maximum.outer(k, k) * T
+    of_path = density * early**2 * (3 * late - early) / 6  # of the second integral of white noise from 0 on
+    free = np.stack([np.ones(count), k / count], axis=1)  # where it begins, and how fast, is not known
+    precision = np.linalg.inv(of_path + variance * np.eye(count))
+    precision -= precision @ free @ np.linalg.solve(free.T @ precision @ free, free.T @ precision)
+    assert core.part(density, T, variance) == pytest.approx(variance * precision[count // 2, count // 2], rel=0.06)
