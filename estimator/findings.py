@@ -58,7 +58,8 @@ class DisagreeingClusters:
 class Departure:
     """The path departs from its model by `magnitude` m rms, which white acceleration of a density in m²/s³ explains.
 
-    The result allows for it. significance: 2 ln of the likelihood over that without the noise.
+    The result allows for that noise, not for other causes: a camera's attitude that drifts moves the path alike, and
+    costs more. significance: 2 ln of the likelihood over that without the noise.
     """
 
     path: str

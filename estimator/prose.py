@@ -97,7 +97,8 @@ def _of_misfit(
         case Departure():
             return (
                 f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "
-                f"{finding.density:.2g} m²/s³ would make it; the covariance allows for it"
+                f"{finding.density:.2g} m²/s³ would make it: the covariance allows for "
+                "that, not for a camera's attitude that drifts"
             )
         case DisagreeingClusters():
             first, second = finding.clusters

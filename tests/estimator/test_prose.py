@@ -65,8 +65,8 @@ def test_verdict_names_a_skew_axis():
         (ExcessResiduals("fixed", 3.3), "fixed does not fit: residuals are 3.3 times those of the bodies alone"),
         (
             Departure("relative-orbit", 0.0152, 3e-9, 90.0),
-            "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
-            "the covariance allows for it",
+            "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it: "
+            "the covariance allows for that, not for a camera's attitude that drifts",
         ),
         (
             EstimatedOrbit(5904.21, 11.4, 0.01831, 0.00412),
