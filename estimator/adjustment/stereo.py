@@ -4,11 +4,12 @@ A stereo rig reports the covariance evaluated at the measured point. A point mea
 covariance, and a lateral error rotates the covariance's long axis; both bias a weighted fit towards the rig. The
 variance along the line of sight is proportional to range⁴, across it to range², and the axes rotate with the line of
 sight. The mean of the measured range is too long by the factor 1 + σ_r²/r². This module transfers the covariance from
-the measured to the estimated point and corrects the range. If the true covariance does not depend on the range, the
-change is of the order of σ/r.
+the measured to the estimated point and corrects the range. Covariances may be right but for a factor: the correction is
+that of the noise which the residuals show. If the true covariance does not depend on the range, the change is of the
+order of σ/r.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ STEREO = 4.0  # power of the range that the variance along the line of sight of 
 SAMPLE = 2000  # frames that are looked at to tell whether it does, at most
 OUTLYING = 20.0  # square of an error over the median, above which it is left out there
 MEANS = 3  # times that means of features and frames are subtracted in turn
+MATTERS = 0.01  # squared change of a range common to all observations, in units of its covariance
 MAX_CORRECTION = 0.5  # of a range: where noise is as large as the range, the second order says nothing
 
 
@@ -90,8 +92,9 @@ class StereoNoise:
 
     position (n, m, 3) in C, m, and precision (n, m, 3, 3), 1/m², of the measured points; sighted (n, m): which are
     used, and not at the rig itself; distance (n, m), m, and sight (n, m, 3): of a measured point from the rig, and its
-    direction in C, the diagonal of C for the others; spread (n, m): the variance along it over distance². The frames
-    are last in memory.
+    direction in C, the diagonal of C for the others; spread (n, m): the told variance along it over distance²;
+    variance: of an observation of weight 1 in a frame by itself, over what its covariance tells. The frames are last in
+    memory.
     """
 
     position: FloatArray
@@ -100,10 +103,11 @@ class StereoNoise:
     distance: FloatArray
     sight: FloatArray
     spread: FloatArray
+    variance: float
 
     @classmethod
-    def of(cls, measured: Observations) -> "StereoNoise":
-        """The noise of observations with precisions."""
+    def of(cls, measured: Observations, variance: float) -> "StereoNoise":
+        """The noise of observations with precisions, of such a variance over what these tell."""
         assert measured.precision is not None  # noqa: S101  as its caller has seen
         position = np.asfortranarray(measured.position)
         sighted = (np.asfortranarray(measured.weight) > 0) & (np.linalg.norm(position, axis=2) > NEAREST)
@@ -112,7 +116,16 @@ class StereoNoise:
         sight = near / distance[..., None]
         along = np.linalg.solve(measured.precision, sight[..., None])[..., 0]
         spread = np.einsum("kmi,kmi->km", sight, along) / distance**2
-        return cls(position, np.asfortranarray(measured.precision), sighted, distance, sight, spread)
+        return cls(position, np.asfortranarray(measured.precision), sighted, distance, sight, spread, variance)
+
+    def of_variance(self, variance: float) -> "StereoNoise":
+        """The noise of another variance over what covariances tell; the same where its biases would move no estimate.
+
+        The sum of the squared biases over the variances is that of a range common to all observations.
+        """
+        biases = np.median(self.spread[self.sighted]) * self.sighted.sum() if self.sighted.any() else 0.0
+        change = (variance - self.variance) ** 2 / variance * biases
+        return replace(self, variance=variance) if change > MATTERS else self
 
     def moved_to(self, estimated: FloatArray, weight: FloatArray) -> Observations:
         """The observations with the precisions of estimated points (n, m, 3) in C, m, without the range's bias.
@@ -129,13 +142,13 @@ class StereoNoise:
         precision = np.einsum("kmij,kmjl->kmil", inverse, self.precision)
         precision = np.einsum("kmij,kmlj->kmil", precision, inverse)
         # Along the line of sight the variance is s⁴ times as large.
-        shortened = np.where(self.sighted, 1 - np.minimum(ratio**2 * self.spread, MAX_CORRECTION), 1.0)
+        shortened = np.where(self.sighted, 1 - np.minimum(self.variance * ratio**2 * self.spread, MAX_CORRECTION), 1.0)
         return Observations(self.position * shortened[..., None], weight, precision)
 
 
-def stereo_noise(measured: Observations, estimated: FloatArray, noise: Noise) -> StereoNoise | None:
+def stereo_noise(measured: Observations, estimated: FloatArray, noise: Noise, variance: float) -> StereoNoise | None:
     """The noise of a stereo rig, if the precisions are those at the measured points, see `varies_with_range`."""
-    return StereoNoise.of(measured) if varies_with_range(measured, estimated, noise) else None
+    return StereoNoise.of(measured, variance) if varies_with_range(measured, estimated, noise) else None
 
 
 def _rotation_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -166,12 +166,14 @@ def passes(problem: Problem) -> Passes:
     observations = problem.measured.weighted(start.weight)
     variance = problem.given_variance or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
-    stereo = stereo_noise(problem.measured, last.after.seen_at(start.nodes), problem.options.noise)
+    told = problem.given_variance or 1.0
+    stereo = stereo_noise(problem.measured, last.after.seen_at(start.nodes), problem.options.noise, told)
     count, sought = 1, 0
     while count < MAX_PASSES:
         if last.final:
             theta = problem.theta if sought == MAX_SOUGHT else _likeliest(problem, reference, last)
-            if np.allclose(theta, problem.theta, rtol=0.0, atol=THETA_TOLERANCE):
+            given, stereo = stereo, None if stereo is None else stereo.of_variance(last.frame_variance)
+            if np.allclose(theta, problem.theta, rtol=0.0, atol=THETA_TOLERANCE) and stereo is given:
                 break
             problem, sought = replace(problem, theta=theta), sought + 1
         reference = last.after

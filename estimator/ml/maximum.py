@@ -132,7 +132,7 @@ def maximised(
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     variance = max(pivot.variance, floor)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
-    stereo = StereoNoise.of(measured) if pivot.stereo else None
+    stereo = StereoNoise.of(measured, max(pivot.frame_variance, floor)) if pivot.stereo else None
     noise = _frame_noise(errors, pivot.slip, len(tracks.time), variance)
     given = _Given(tracks, pivot, density, noise, floor, stereo)
 

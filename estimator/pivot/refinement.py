@@ -106,7 +106,7 @@ class _Refinement:
         self.theta: FloatArray | None = None
         self.variance, self.path_unknowns = np.nan, np.nan
         self.floor = least_variance(start.measured, ROUNDING)
-        self.stereo = stereo_noise(start.measured, self._places(), options.noise)
+        self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
         self.errors = _LastingAndShared(start.lasting)
         self.regularisation = OffsetRegularisation.of(start.bodies)
@@ -265,10 +265,15 @@ class _Refinement:
         return True
 
     def _is_consistent(self) -> bool:
-        """Whether slip, the errors' duration and the frames' shifts are those that were taken for given.
+        """Whether a rig's noise, slip, the errors' duration and the frames' shifts are those that were taken for given.
 
         Those that are not are taken anew.
         """
+        if self.stereo is not None and self.options.sigma is None:
+            before, self.stereo = self.stereo, self.stereo.of_variance(self.least)
+            if self.stereo is not before:
+                self.here = None
+                return False
         given, at = self.errors, (self.bodies, self.observations, self._origin())
         if self.start.slips:
             significant, slow = STILL if given.slip > 0 else SIGNIFICANT, self.path.name != "relative-orbit"

@@ -1,17 +1,20 @@
 """Noise of a stereo rig at the estimated point, against the rig's covariance there and the mean score of many draws."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from baryscope.estimator import estimate
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise, varies_with_range
+from baryscope.estimator.options import PathOptions
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import StereoRig
 from baryscope.models.sensor.directions import axes_along
 from baryscope.models.stereo import project, triangulate
+from synthetic import ENVISAT, attitude, box_features, rig_tracks
 
 RIG = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)
 TARGET = 20.0 * np.array([0.48, -0.6, 0.64])
@@ -56,7 +59,7 @@ def test_the_covariance_agrees_with_the_rigs_at_the_estimated_point(direction):
     for sign in (-1, 1):
         measured = truth + sign * (0.15 * sight if direction == "along" else 0.05 * aside)
         given = observations(measured, rig_covariance(measured))
-        moved = StereoNoise.of(given).moved_to(truth, given.weight)
+        moved = StereoNoise.of(given, 1.0).moved_to(truth, given.weight)
         before = relative_error(rig_covariance(measured), rig_covariance(truth))
         after = relative_error(np.linalg.inv(moved.precision), rig_covariance(truth))
         assert before > 0.02
@@ -84,7 +87,7 @@ def test_the_score_has_no_bias():
         return float((score / np.sqrt(information)).mean())
 
     assert bias(given) < -0.01
-    assert abs(bias(StereoNoise.of(given).moved_to(truth, given.weight))) < 5 / np.sqrt(draws * COUNT) + 1e-3
+    assert abs(bias(StereoNoise.of(given, 1.0).moved_to(truth, given.weight))) < 5 / np.sqrt(draws * COUNT) + 1e-3
 
 
 def test_the_score_across_the_line_of_sight_has_no_bias():
@@ -94,7 +97,7 @@ def test_the_score_across_the_line_of_sight_has_no_bias():
     axes = np.broadcast_to(R_C_V, (draws, 3, 3))
     pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
     given = observations(*triangulate(RIG, axes, pixels))
-    moved = StereoNoise.of(given).moved_to(truth, given.weight)
+    moved = StereoNoise.of(given, 1.0).moved_to(truth, given.weight)
     score = np.einsum("kmij,kmj->mi", moved.precision, moved.position - truth) / draws
     information = np.linalg.inv(rig_covariance(truth[:1])[0])
     # The mean score of each point in standard deviations: √(sᵀ I⁻¹ s).
@@ -103,17 +106,33 @@ def test_the_score_across_the_line_of_sight_has_no_bias():
     assert step.max() < 5.2 / np.sqrt(draws) + 2e-3
 
 
-def test_only_the_range_bias_is_removed_at_the_measured_point():
+@pytest.mark.parametrize("shown", [1.0, 0.2])
+def test_only_the_range_bias_is_removed_at_the_measured_point(shown):
     rng = np.random.default_rng(3)
     measured = random_points(rng)
     given = observations(measured, rig_covariance(measured))
-    moved = StereoNoise.of(given).moved_to(measured, 0.5 * given.weight)
+    moved = StereoNoise.of(given, shown).moved_to(measured, 0.5 * given.weight)
     np.testing.assert_allclose(moved.precision, given.precision, rtol=1e-9, atol=1e-9 * given.precision.max())
     np.testing.assert_array_equal(moved.weight, 0.5 * given.weight)
     sight = measured / np.linalg.norm(measured, axis=2, keepdims=True)
     variance = np.einsum("kmi,kmij,kmj->km", sight, rig_covariance(measured), sight)
-    expected = 1 - variance / (measured**2).sum(axis=2)
+    expected = 1 - shown * variance / (measured**2).sum(axis=2)
     np.testing.assert_allclose(moved.position, measured * expected[..., None], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("method", "factor"), [("pivot", 6.0), ("pivot", 0.2), ("ml", 6.0), ("ekf", 6.0)])
+def test_a_rigs_covariances_may_be_wrong_by_a_factor(method, factor):
+    """The range's bias, of 1.2 deviations of the centre of mass, is that of the noise, not of what is told of it."""
+    time = np.arange(0.0, 300.0, 2.0)
+    R, com = attitude(ENVISAT, np.deg2rad([2.4, 4.4, 4.8]), time), np.tile([4.0, -19.0, 3.0], (150, 1))
+    right = rig_tracks(time, R, com, box_features(8, (10, 5, 5), seed=3, centre=(1, 0.5, 0)), seed=0)
+    told = replace(right, covariance=factor * right.covariance)
+    options = PathOptions(trajectory="fixed")
+    expected, found = (estimate(tracks, method=method, options=options) for tracks in (right, told))
+    assert found.noise.a_posteriori == pytest.approx(expected.noise.a_posteriori / np.sqrt(factor), rel=0.01)
+    apart = found.position[0] - expected.position[0]
+    # With the bias of what is told these were 1.2 (factor − 1) deviations.
+    assert apart @ np.linalg.solve(expected.covariance[0], apart) < 0.2**2
 
 
 def test_missing_and_isotropic_observations_are_unchanged():
@@ -124,12 +143,12 @@ def test_missing_and_isotropic_observations_are_unchanged():
     given = observations(position, covariance)
     assert given.weight[1, 2] == 0
     np.testing.assert_array_equal(given.position[1, 2], 0)
-    moved = StereoNoise.of(given).moved_to(np.nan_to_num(position) + 0.1, given.weight)
+    moved = StereoNoise.of(given, 1.0).moved_to(np.nan_to_num(position) + 0.1, given.weight)
     assert np.isfinite(moved.precision).all()
     assert np.isfinite(moved.position).all()
     plain = observations(position, None)
     assert plain.precision is None
-    assert stereo_noise(plain, plain.position, "stereo") is None
+    assert stereo_noise(plain, plain.position, "stereo", 1.0) is None
 
 
 def test_a_singular_covariance_is_refused():
@@ -172,7 +191,7 @@ def test_a_rigs_covariances_at_the_true_points_tell_that_they_are():
     given = observations(measured, covariance)
     assert not varies_with_range(given, truth, "auto")
     assert varies_with_range(given, truth, "stereo")
-    assert stereo_noise(given, truth, "auto") is None
+    assert stereo_noise(given, truth, "auto", 1.0) is None
 
 
 @pytest.mark.parametrize("at_measured", [True, False])
