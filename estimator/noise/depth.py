@@ -16,7 +16,8 @@ the distance adds ρ² ε² / 2 to its variance over k. Where distances do not t
 places do, if the frames follow one another so closely that a cubic polynomial is what moves in five of them: what is
 left, a fourth divided difference, is noise. Less the mean of all features it is their own, without what moves a frame
 as a whole, as a pivot that slips or a camera that shakes. If frames do not follow so closely, such a ρ is the least
-that it may be, and tells nothing below 1.
+that it may be, and tells nothing below 1. Where depths turn connections so far that none is along the line of sight,
+any great ρ is as likely as any greater: of these it is that one deviation below, if it is certain that it is great.
 
 Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
 is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
@@ -45,6 +46,7 @@ BLOCKS, LEAST_BLOCKS = 24, 6  # of the frames: their sums tell how errors depend
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
 RATIO = 1.25  # ρ, below which it is no matter
 TELLING = 1.5  # ρ: distances that would not show one as great do not tell it
+LEAST_STEP = 0.05  # of ln ρ², to which the least is sought
 TURNED = 0.1  # ρ² ε²: a greater one makes ρ more than 5 % too small
 DIFFERENCE = 5  # frames of a divided difference
 NOISE = -0.6  # correlation of a divided difference with the next, up to which it is noise
@@ -280,10 +282,27 @@ class _Ratio:
         dependence = max(1.0, equal.dependence(blocks))
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
         linear = best.turned <= TURNED
-        matters = 2 * np.log(RATIO) <= abs(best.log_ratio) < GREATEST
+        matters = 2 * np.log(RATIO) <= abs(best.log_ratio) and best.log_ratio > -GREATEST
         if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < CHANCE**2:
             return cls(None, tells and linear)
-        return cls(DepthRatio(float(np.exp(best.log_ratio / 2)), of_rig, lengths.distance), linear)
+        log_ratio = best.log_ratio
+        if log_ratio == GREATEST:
+            sure, log_ratio = (
+                _least(lengths, best, deviations * np.sqrt(dependence), of_rig=of_rig) for deviations in (CHANCE, 1.0)
+            )
+            if sure < 2 * np.log(TELLING):
+                return cls(None, tells=False)
+        return cls(DepthRatio(float(np.exp(log_ratio / 2)), of_rig, lengths.distance), linear)
+
+
+def _least(lengths: _Lengths, greatest: "_Fit", deviations: float, *, of_rig: bool) -> float:
+    """The ln ρ² so many deviations below the greatest that is sought, where lengths are as likely with any greater."""
+    less, more, decrease = 0.0, GREATEST, deviations**2 / 2
+    while more - less > LEAST_STEP:
+        middle = (less + more) / 2
+        fit = _Fit.of(lengths, of_rig=of_rig, log_ratio=middle, free=False)
+        less, more = (middle, more) if greatest.likelihood - fit.likelihood > decrease else (less, middle)
+    return more
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,11 +320,13 @@ class _Fit:
     turned: float
 
     @classmethod
-    def of(cls, lengths: _Lengths, *, of_rig: bool, free: bool = True) -> "_Fit":
-        """The fit of k (1 − c² + ρ² c²), or as told, growing with a rig's range, to lengths; ρ is 1 unless free."""
+    def of(cls, lengths: _Lengths, *, of_rig: bool, log_ratio: float = 0.0, free: bool = True) -> "_Fit":
+        """The fit of k (1 − c² + ρ² c²), or as told, growing with a rig's range, to lengths, with ln ρ² as it is unless
+        free.
+        """
         off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
         across, along = lengths.across * growth, lengths.along * growth**2
-        count, log_ratio = lengths.summed(seen.astype(np.float64)), 0.0
+        count = lengths.summed(seen.astype(np.float64))
         scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
         for _ in range(ROUNDS):
             shape = np.where(seen, across + np.exp(log_ratio) * along, 1.0)

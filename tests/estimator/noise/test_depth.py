@@ -76,6 +76,18 @@ def normalised_square(found, centre=CENTRE):
     return float(error @ np.linalg.solve(found.covariance[0], error))
 
 
+@pytest.mark.parametrize("seed", [3, 4])
+def test_depths_that_turn_all_connections_tell_a_ratio_though_no_greatest(seed):
+    """Frames too far apart for differences, depths of 0.3 m on a body of 2 m: none of these connections is along the
+    line of sight, and a ratio of a thousand is the likeliest. That passed for none at all.
+    """
+    tracks = seen_by_a_rig(seed, ratio=30.0, across=0.01)
+    few = FeatureTracks(tracks.time[::6], tracks.position[::6], tracks.labels)
+    found = depth_ratio(few, few.seen)
+    assert found is not None
+    assert 30.0 / 2 < found.ratio < 30.0 * 2
+
+
 def test_deviations_have_their_ratio_and_their_root_mean_square():
     across, along = DepthRatio(RATIO, of_rig=False, distance=20.0).deviations(ACROSS)
     assert along / across == pytest.approx(RATIO)
