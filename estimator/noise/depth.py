@@ -282,7 +282,7 @@ class _Ratio:
         dependence = max(1.0, equal.dependence(blocks))
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
         linear = best.turned <= TURNED
-        matters = 2 * np.log(RATIO) <= abs(best.log_ratio) and best.log_ratio > -GREATEST
+        matters = 2 * np.log(RATIO) <= abs(best.log_ratio) and best.log_ratio > -GREATEST  # none is that much better
         if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < CHANCE**2:
             return cls(None, tells and linear)
         log_ratio = best.log_ratio
@@ -297,7 +297,7 @@ class _Ratio:
 
 def _least(lengths: _Lengths, greatest: "_Fit", deviations: float, *, of_rig: bool) -> float:
     """The ln ρ² so many deviations below the greatest that is sought, where lengths are as likely with any greater."""
-    less, more, decrease = 0.0, GREATEST, deviations**2 / 2
+    less, more, decrease = 0.0, float(GREATEST), deviations**2 / 2
     while more - less > LEAST_STEP:
         middle = (less + more) / 2
         fit = _Fit.of(lengths, of_rig=of_rig, log_ratio=middle, free=False)
