@@ -19,6 +19,10 @@ as a whole, as a pivot that slips or a camera that shakes. If frames do not foll
 that it may be, and tells nothing below 1. Where depths turn connections so far that none is along the line of sight,
 any great ρ is as likely as any greater: of these it is that one deviation below, if it is certain that it is great.
 
+A camera's depths are noisier, if by how much is not told; so two deviations are enough for such a ratio. What is then
+by chance is near 1 where tracks tell much; where they tell little, as three features far away, noise that passes for
+alike in all axes made a spin seem to wobble, and told of its axis what nothing does.
+
 Tracks with covariances tell both deviations, but a rig's may be off in depth as nowhere else. Of such tracks the ratio
 is that to what is told: ρ is the factor on the deviations along the line of sight, and k that on all variances.
 """
@@ -44,6 +48,7 @@ MOST_STEP, STEADY = 1.0, 1e-3  # of ln ρ²: the longest step, and what needs no
 GREATEST = 2 * np.log(1000)  # |ln ρ²|, at which it is no longer sought: that of a rig at 700 times its baseline
 BLOCKS, LEAST_BLOCKS = 24, 6  # of the frames: their sums tell how errors depend on those of frames nearby
 CHANCE = 3.5  # standard deviations, below which a ratio other than 1 is chance
+CHANCE_UNTOLD = 2.0  # the same of depths that are noisier, as a camera's are, where no covariance tells that
 RATIO = 1.25  # ρ, below which it is no matter
 TELLING = 1.5  # ρ: distances that would not show one as great do not tell it
 LEAST_STEP = 0.05  # of ln ρ², to which the least is sought
@@ -92,11 +97,12 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
     lengths, blocks = _Lengths.of_pairs(tracks, right, rows), min(BLOCKS, len(rows) // 2)
     if blocks < LEAST_BLOCKS:
         return None
-    found = _Ratio.of(lengths, blocks) if lengths.off.size else None
+    told = tracks.covariance is not None
+    found = _Ratio.of(lengths, blocks, told=told) if lengths.off.size else None
     if found is not None and found.tells:
         return found.shown
     own, whole = (
-        None if differences is None else _Ratio.of(differences, blocks)
+        None if differences is None else _Ratio.of(differences, blocks, told=told)
         for differences in (_Lengths.of_differences(tracks, right, own=own) for own in (True, False))
     )
     if own is not None and (own.tells or own.shown is not None):
@@ -273,8 +279,8 @@ class _Ratio:
     tells: bool
 
     @classmethod
-    def of(cls, lengths: _Lengths, blocks: int) -> "_Ratio":
-        """The ratio of lengths in so many blocks of frames."""
+    def of(cls, lengths: _Lengths, blocks: int, *, told: bool) -> "_Ratio":
+        """The ratio of lengths in so many blocks of frames; told: whether it is that to covariances."""
         fits = [_Fit.of(lengths, of_rig=of_rig) for of_rig in (False, True)]
         best = max(fits, key=lambda fit: fit.likelihood)
         of_rig = best is fits[1]
@@ -283,7 +289,8 @@ class _Ratio:
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
         linear = best.turned <= TURNED
         matters = 2 * np.log(RATIO) <= abs(best.log_ratio) and best.log_ratio > -GREATEST  # none is that much better
-        if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < CHANCE**2:
+        chance = CHANCE_UNTOLD if best.log_ratio > 0 and not told else CHANCE
+        if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < chance**2:
             return cls(None, tells and linear)
         log_ratio = best.log_ratio
         if log_ratio == GREATEST:
