@@ -17,10 +17,15 @@ static double factor_of(const Online *filter, const Posterior *posterior) {
     return noise_ratio(filter) * (posterior->seems > SEEMING && posterior->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - posterior->seems) : 1.0);
 }
 
-/* Whether successive innovations surely agree: the path bends otherwise than any member of the bank takes it for. So they do
-   where the errors of features last. */
+/* Whether innovations surely agree. */
+static int agree(const Trend *trend) { return trend->sum > TREND * sqrt(trend->terms); }
+
+/* Whether the path bends otherwise than any member of the bank takes it for: successive innovations of those that were the likeliest surely agree, and
+   so do those of each density that is not clearly less likely. They do where the errors of features last, too. */
 static int is_bent(const Online *filter) {
-    return filter->frames_per_error <= 1.0 && filter->trend > TREND * sqrt(filter->terms);
+    int bent = filter->frames_per_error <= 1.0 && agree(&filter->trend);
+    for (int m = 0; m < DENSITIES && bent; m++) bent = !(filter->bank[m].weight > -CLEAR) || agree(&filter->bank[m].trend);
+    return bent;
 }
 
 /* Whether the path surely needs more process noise than the largest density: as long as that is the likeliest, innovations are larger than it expects. */

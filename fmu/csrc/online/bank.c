@@ -161,7 +161,8 @@ static double offset_variance(const PackedMember *member) {
 static int is_bending(const PackedMember *member) { return process_noise_of((int)member->steady).bend > 0.0; }
 
 /* A member, `to`, goes on with a process noise from where another one is, which it may be: of an acceleration it knows what that one does, or nothing
-   yet. One of which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
+   yet. One of which it would be more than three deviations is not its own: it would take that for as steady as a small one. Where it begins
+   with an acceleration, or without, so does what its innovations have in common. */
 static void go_on(const PackedMember *from, int steady, PackedMember *to) {
     const double bend = process_noise_of(steady).bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
     const int fresh = (bend > 0.0) != is_bending(from) || (bend > 0.0 && square > 9.0 * bend * bend);
@@ -171,6 +172,7 @@ static void go_on(const PackedMember *from, int steady, PackedMember *to) {
     for (int k = known; k < before; k++) to->P[k] = 0.0;
     to->errors = from->errors == ERRORS ? ERRORS : bend > 0.0 ? MOTION : PATH_AND_MAP;
     to->weight = from->weight, to->steady = steady;
+    to->trend = fresh ? (Trend){0} : from->trend;
     for (int a = PATH_AND_MAP; a < MOTION && fresh; a++) {
         to->x[a] = 0.0;
         for (int b = 0; b < ERRORS; b++) to->P[packed_index(a, b)] = 0.0;

@@ -44,7 +44,8 @@ static int is_better_first(const Online *filter, const Frame *frame) {
 /* What holds whatever the map is: of the path, and of the noise it is known from. */
 typedef struct {
     double x[6], P[6][6], weight[STEADY], density;
-    double squares, freedom, sightings, trend, terms;
+    Trend trend;
+    double squares, freedom, sightings;
     double manoeuvred, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
 } Path;
 
@@ -63,7 +64,7 @@ static int known_path(const Online *filter, Path *path) {
     for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
     path->density = filter->density;
     path->squares = filter->squares, path->freedom = filter->freedom, path->sightings = filter->sightings;
-    path->trend = filter->trend, path->terms = filter->terms, path->manoeuvred = filter->manoeuvred;
+    path->trend = (Trend){.sum = filter->trend.sum, .terms = filter->trend.terms}, path->manoeuvred = filter->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {
         path->thrust[a] = filter->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) path->of_thrust[a][b] = filter->of_thrust[a][b];
@@ -93,7 +94,7 @@ static void resume_path(Online *filter, const Path *path) {
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
     filter->density = path->density;
     filter->squares = path->squares, filter->freedom = path->freedom, filter->sightings = path->sightings;
-    filter->trend = path->trend, filter->terms = path->terms, filter->manoeuvred = path->manoeuvred;
+    filter->trend = path->trend, filter->manoeuvred = path->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {
         filter->thrust[a] = path->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = path->of_thrust[a][b];

@@ -5,7 +5,7 @@ others go on without, and likelihoods tell. The large filter, and its shadow wit
 once, or nodes later, then by what the mixture says. */
 
 #define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
-#define CLEAR 3.0   /* logarithm by which a jump is more likely than none */
+#define CLEAR 3.0   /* logarithm by which a jump is more likely than none, or one member than another, where that is clear */
 
 /* The likeliest member, and the change that comes with a node. */
 static void changed_likeliest(const Online *filter, const Measurement *measurement, Member *member) {
@@ -132,7 +132,7 @@ static int update_kind(Online *filter, int begin, int end, int fresh, const Meas
     for (int k = begin - 1; k < end; k++) {
         const int m = k < begin ? first : k;
         if (k == first || !is_alive(&bank[m])) continue;
-        if (as_first[m]) member = moved, member.weight = bank[m].weight, member.steady = bank[m].steady;
+        if (as_first[m]) member = moved, member.weight = bank[m].weight, member.steady = bank[m].steady, member.trend = bank[m].trend;
         else unpack_member(&bank[m], &member);
         if (m != fresh && !as_first[m]) move_to_node(&member, measurement);
         if (k < begin && !jumps) moved = member;
@@ -160,7 +160,7 @@ static int update_members(Online *filter, const Member *likely, const Measuremen
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. And how large they are since that one has the largest density: larger
    than it expects where that is too small. */
-static void note_innovation(Online *filter, const Member *likely, const Measurement *measurement) {
+static void note_likeliest(Online *filter, const Member *likely, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS];
     const int bent = process_noise_of((int)likely->steady).bend > 0.0;
     if (!innovation(likely, measurement, e, L, B)) return;
@@ -168,11 +168,9 @@ static void note_innovation(Online *filter, const Member *likely, const Measurem
     if (likeliest(filter->bank) == DENSITIES - 1) filter->excess += dot(e, e) - 3.0, filter->noisiest += 1.0;
     else filter->excess = filter->noisiest = 0.0;
     if (dot(e, e) > GATE) return;
-    if (bent > filter->likely) filter->trend = filter->terms = 0.0;
+    if (bent > filter->likely) filter->trend = (Trend){.last = {filter->trend.last[0], filter->trend.last[1], filter->trend.last[2]}};
     filter->likely = bent;
-    if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
-    filter->trend += dot(e, filter->last);
-    for (int k = 0; k < 3; k++) filter->last[k] = e[k];
+    note_innovation(e, &filter->trend);
 }
 
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
@@ -181,7 +179,7 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     double jump = 0.0;
     Member likely, shadow;
     changed_likeliest(filter, measurement, &likely);
-    note_innovation(filter, &likely, measurement);
+    note_likeliest(filter, &likely, measurement);
     update_curve(filter, &likely, measurement);
     int sound, parent = likeliest(filter->bank);
     int fresh = update_members(filter, &likely, measurement, filter->curve, &jump, &sound);

@@ -202,6 +202,14 @@ static void add_products(Member *member, const double B[3][ERRORS], const double
     if (member->errors > MOTION) add_to_rows(THRUST, ERRORS, ERRORS, B, C, member->P);
 }
 
+/* Where the path is as a member takes it for, successive innovations have nothing in common. One that may be a jump, whitened like all, does not count. */
+static void note_innovation(const double e[3], Trend *trend) {
+    if (dot(e, e) > GATE) return;
+    if (dot(trend->last, trend->last) > 0.0) trend->terms += 3.0;
+    trend->sum += dot(e, trend->last);
+    for (int k = 0; k < 3; k++) trend->last[k] = e[k];
+}
+
 /* The update with a node; 0 if rounding has left the covariance indefinite. Of a member that becomes less likely than `least`, only how likely. */
 static int update_member(Member *member, const Measurement *measurement, double least) {
     const int n = member->errors > MOTION ? ERRORS : bends(member) ? MOTION : PATH_AND_MAP;
@@ -210,6 +218,7 @@ static int update_member(Member *member, const Measurement *measurement, double 
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
     if (member->weight < least) return 1;
+    note_innovation(e, &member->trend);
     whiten_rows(L, n, ERRORS, B[0]);
     for (int a = 0; a < n; a++) {
         for (int k = 0; k < 3; k++) less[k][a] = -B[k][a];

@@ -130,12 +130,18 @@ typedef struct {
     FeatureSums seen[MOST_FEATURES];
 } Node;
 
+/* What successive innovations of a member have in common: the last one, whitened; the sum of products of successive ones, of how many terms. */
+typedef struct {
+    double last[3], sum, terms;
+} Trend;
+
 typedef struct {
     double errors; /* PATH_AND_MAP, MOTION or ERRORS; others are 0 */
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
     double steady; /* the kind of its process noise, which is that of a member without a jump */
     double x[ERRORS];
     double P[ERRORS][ERRORS];
+    Trend trend;
 } Member;
 
 /* A member as it is kept: of the covariance the lower triangle, row by row. */
@@ -143,6 +149,7 @@ typedef struct {
     double errors, weight, steady;
     double x[ERRORS];
     double P[PAIRS];
+    Trend trend;
 } PackedMember;
 
 /* Of a member that has jumped. */
@@ -263,8 +270,8 @@ typedef struct {
     double again;      /* variance of the offset below which they are taken again, m2 */
     Transition since_node; /* since the last node */
     PackedMember first;        /* of the bank at the first frame */
-    double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
-    double likely; /* errors of the member that it is of */
+    Trend trend; /* of the likeliest member at each node */
+    double likely; /* 1: its path bends */
     double excess, noisiest; /* squares of whitened innovations less their mean, in how many nodes in a row the largest density has been likeliest */
     StoredNode stored[STORED_NODES];
     Tumble tumble;

@@ -21,7 +21,7 @@ static double packed(const PackedMember *member, int a, int b) { return member->
 static void unpack_member(const PackedMember *from, Member *member) {
     const int wide = from->errors > MOTION ? ERRORS : MOTION;
     const double *row = from->P;
-    member->errors = from->errors, member->weight = from->weight, member->steady = from->steady;
+    member->errors = from->errors, member->weight = from->weight, member->steady = from->steady, member->trend = from->trend;
     for (int a = 0; a < ERRORS; a++) member->x[a] = from->x[a];
     for (int a = 0; a < wide; row += ++a)
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = row[b];
@@ -32,7 +32,7 @@ static void pack_member(const Member *member, PackedMember *to) {
     const int n = (int)member->errors;
     const double *end = to->P + packed_count(to->errors);
     double *row = to->P;
-    to->errors = n, to->weight = member->weight, to->steady = member->steady;
+    to->errors = n, to->weight = member->weight, to->steady = member->steady, to->trend = member->trend;
     for (int a = 0; a < ERRORS; a++) to->x[a] = a < n ? member->x[a] : 0.0;
     for (int a = 0; a < n; row += ++a)
         for (int b = 0; b <= a; b++) row[b] = member->P[a][b];

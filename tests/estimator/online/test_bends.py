@@ -90,7 +90,8 @@ def test_an_acceleration_that_was_found_goes_on_changing():
 def test_a_path_that_sways_is_followed_as_claimed():
     """By 5 cm in 40 s, for which the largest process noise is the likeliest, and enough: nothing is to be doubted.
 
-    It was, as soon as that was the likeliest. The sum of NEES over the draws is below the 99.9 % quantile of χ².
+    It was, as soon as that was the likeliest; and in one draw as long as the density before that was no less likely,
+    under which innovations agree. The sum of NEES over the draws is below the 99.9 % quantile of χ².
     """
     time = np.arange(240.0)
     path = straight(time) + 0.05 * np.sin(2 * np.pi * time / 40.0)[:, None] * np.array([0.6, 0.6, 0.5])
@@ -100,6 +101,16 @@ def test_a_path_that_sways_is_followed_as_claimed():
         assert states[-1].status is OnlineStatus.TRACKING
         nees.append(errors(states, path)[1][-1])
     assert sum(nees) < chi2.ppf(0.999, 18)
+
+
+def test_a_path_that_bends_otherwise_than_any_filter_takes_it_for_is_doubted():
+    """It sways by 0.6 m in 40 s: the bank takes its acceleration for a random walk, of which successive steps agree."""
+    time = np.arange(240.0)
+    path = straight(time) + 0.6 * np.sin(2 * np.pi * time / 40.0)[:, None] * np.array([0.6, 0.6, 0.5])
+    for draw in range(2):
+        states = run(OnlineEstimator(SIGMA), time, tracks(np.random.default_rng([27, draw]), time, path))
+        assert states[-1].status is OnlineStatus.DOUBTFUL
+        assert states[-1].noise_ratio < 1.1  # the features are as precise as told
 
 
 def test_a_path_that_needs_more_process_noise_than_there_is_is_doubted():
