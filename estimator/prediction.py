@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.dynamics.forces import lasting, untold_firings
@@ -23,7 +24,6 @@ from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, free_mo
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import block_diagonal
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.turning import TurningPoint, carried, curved
 from baryscope.models.arguments import array_of
@@ -260,7 +260,7 @@ class PredictedBody:
             return found if found.possible else replace(found, inertia=of_a_body(found.inertia))
 
         by_motion = np.concatenate([motion.turn[0], motion.rate_sensitivity[0], np.eye(5, size, 3)])
-        by_u = np.concatenate([block_diagonal(by_motion, np.eye(len(x))), -by_unknowns])
+        by_u = np.concatenate([block_diag(by_motion, np.eye(len(x))), -by_unknowns])
         covariance = by_u @ self.covariance @ by_u.T
         covariance[-3:, -3:] += own
         return TurningPoint(start, changed, b, covariance, self.torque_density)
@@ -288,7 +288,7 @@ class PredictedBody:
         """The covariance (3 m, 3 m) of the points for known u."""
         if self.points_covariance.ndim == 2:
             return self.points_covariance
-        return np.asarray(block_diagonal(*self.points_covariance))
+        return np.asarray(block_diag(*self.points_covariance))
 
 
 def point_in_body(

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import FULL, block_diagonal, elements_of, inverted_sums, symmetric_inverses
+from baryscope.estimator.geometry.symmetric import FULL, elements_of, inverted_sums, symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -152,7 +153,7 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shifts)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()
-        total.points += block_diagonal(*found.point)
+        total.points += block_diag(*found.point)
         # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
         coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
         inverse = symmetric_inverses(found.turn)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from baryscope.estimator.adjustment.attitude_noise import Departures
@@ -14,7 +15,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
-from baryscope.estimator.geometry.symmetric import block_diagonal, inverted_sums
+from baryscope.estimator.geometry.symmetric import inverted_sums
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +49,7 @@ class SpuriousInformation:
     def of_each(cls, parts: Iterable["SpuriousInformation"]) -> "SpuriousInformation":
         """Spurious information on the unknowns of all parts, one after the other, each with information of its own."""
         means, deviations = zip(*((part.mean, part.deviation) for part in parts), strict=True)
-        return cls(np.asarray(block_diagonal(*means)), np.asarray(block_diagonal(*deviations)))
+        return cls(np.asarray(block_diag(*means)), np.asarray(block_diag(*deviations)))
 
     @property
     def likely(self) -> FloatArray:

@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-
-from baryscope.estimator.geometry.symmetric import block_diagonal
+from scipy.linalg import block_diag
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -187,7 +186,7 @@ class Prior:
         scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
         return Prior(
             np.concatenate([self.offset, other.offset]),
-            block_diagonal(self.slopes, other.slopes),
+            block_diag(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
             np.concatenate(scatters),
             other.trend.moved(len(self.hyperparameters)) if other.trend is not None else self.trend,

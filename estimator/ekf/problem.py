@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
@@ -24,7 +25,6 @@ from baryscope.estimator.ekf.motion import (
 )
 from baryscope.estimator.ekf.solution import Prior
 from baryscope.estimator.ekf.start import Start, unit_of
-from baryscope.estimator.geometry.symmetric import block_diagonal
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
@@ -136,7 +136,7 @@ class Problem:
         mean = np.where(seen, 1 / np.count_nonzero(seen), 0.0)
         of_points = np.diag(np.where(seen, 0.0, 1.0))
         of_points += variance * np.outer(mean, mean) / (FARTHEST_RADII * self.start.radius) ** 2
-        information = block_diagonal(
+        information = block_diag(
             variance / PRIOR_INERTIA_DEVIATION**2 * np.eye(INERTIA),
             variance * np.diag(self._path_information),
             np.zeros((3, 3)),

@@ -106,17 +106,6 @@ def _inverse_of_regular(matrix: FloatArray, sizes: FloatArray | None) -> FloatAr
     return np.asarray(inverse * both)
 
 
-def block_diagonal(*blocks: FloatArray) -> FloatArray:
-    """The matrix with these blocks (p, q) along its diagonal, and zero elsewhere; scipy's takes ten times as long."""
-    found = np.zeros((sum(len(one) for one in blocks), sum(one.shape[1] for one in blocks)))
-    row = column = 0
-    for one in blocks:
-        height, width = one.shape
-        found[row : row + height, column : column + width] = one
-        row, column = row + height, column + width
-    return found
-
-
 def elements_of(matrix: FloatArray) -> FloatArray:
     """The six elements (..., 6) that make symmetric matrices (..., 3, 3), which are `elements[..., FULL]`."""
     return np.asarray(matrix[(..., *UPPER)])

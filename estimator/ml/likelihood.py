@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.symmetric import block_diagonal, null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.ml.model import Model
 from baryscope.estimator.ml.sums import Sums
 
@@ -85,7 +86,7 @@ class Equations:
     def covariance_of_points(self, features: IntArray) -> FloatArray:
         """The covariance (3 k, 3 k) of some points (k,) conditional on y."""
         if self.points_covariance.ndim == 3:
-            return np.asarray(block_diagonal(*self.points_covariance[features]))
+            return np.asarray(block_diag(*self.points_covariance[features]))
         columns = (3 * features[:, None] + np.arange(3)).ravel()
         return np.asarray(self.points_covariance[np.ix_(columns, columns)])
 
@@ -125,7 +126,7 @@ def _points_inverse(sums: Sums, dense: bool) -> FloatArray:
         inverse[seen] = np.linalg.inv(sums.point[seen])
         return inverse
     rows = np.repeat(seen, 3)
-    information = block_diagonal(*sums.point) - sums.subtracted
+    information = block_diag(*sums.point) - sums.subtracted
     found = np.zeros_like(information)
     found[np.ix_(rows, rows)] = np.linalg.inv(information[np.ix_(rows, rows)])
     return np.asarray(found)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
@@ -17,7 +18,6 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.geometry.symmetric import block_diagonal
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.models.attitude import INERTIA_BASIS
 
@@ -52,7 +52,7 @@ class Priors:
             torque = Prior(np.zeros(modes), np.ones((modes, 1)), (Hyperparameter(DENSITY, optional=True),))
             own = own.joined(torque if density is None else torque.fixed(DENSITY, float(np.log(density))))
         return cls(
-            block_diagonal(np.zeros((3, 3)), inertia, np.zeros((modes, modes)), of_path),
+            block_diag(np.zeros((3, 3)), inertia, np.zeros((modes, modes)), of_path),
             np.concatenate([np.zeros(rotation.size), x0]),
             own.joined(path.prior),
         )

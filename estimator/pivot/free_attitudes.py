@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
@@ -25,7 +26,6 @@ from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
-    block_diagonal,
     inverse_across,
     null_space_of,
     symmetric_pseudo_inverse,
@@ -84,7 +84,7 @@ class Solution:
         return replace(
             self,
             covariance=covariance,
-            offset_covariance=block_diagonal(*(to @ alone @ to.T for to, alone in own)) + by_x @ covariance @ by_x.T,
+            offset_covariance=block_diag(*(to @ alone @ to.T for to, alone in own)) + by_x @ covariance @ by_x.T,
             offset_path=-by_x @ covariance,
             offset_null_space=-by_x @ self.null_space,
         )

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.spurious import (
     OffsetPrior,
@@ -16,7 +17,7 @@ from baryscope.estimator.adjustment.spurious import (
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.gauge import are_in_line
-from baryscope.estimator.geometry.symmetric import block_diagonal, factor_of
+from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.collinear import without_spurious_path
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
@@ -104,7 +105,7 @@ def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
         if are_in_line(body.points, LINE) and not (body.in_line or told):
             column = np.zeros((3 * len(found.bodies), 3))
             column[3 * index : 3 * index + 3] = np.eye(3)
-            columns.append(farthest(body.points) * block_diagonal(column, _displacement(found.sampled.itself)))
+            columns.append(farthest(body.points) * block_diag(column, _displacement(found.sampled.itself)))
     size = 3 * len(found.bodies) + len(found.solution.x)
     return np.concatenate([np.zeros((size, 0)), *columns], axis=1)
 
@@ -151,8 +152,8 @@ def _prior(found: PivotSolution) -> OffsetPrior:
     Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is
     all that is claimed.
     """
-    known = block_diagonal(*found.offset_prior_information)
+    known = block_diag(*found.offset_prior_information)
     offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
-    return OffsetPrior(known / max(wider, 1.0), block_diagonal(*found.offset_information))
+    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offset_information))

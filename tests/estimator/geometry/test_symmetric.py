@@ -1,12 +1,10 @@
-"""Pseudo-inverses, against numpy's, and block-diagonal matrices, against scipy's."""
+"""Pseudo-inverses, against numpy's."""
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
 
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
-    block_diagonal,
     eigen,
     inverse_across,
     inverted_sums,
@@ -14,13 +12,6 @@ from baryscope.estimator.geometry.symmetric import (
     null_space_of,
     symmetric_pseudo_inverse,
 )
-
-
-@pytest.mark.parametrize("shapes", [[], [(2, 3)], [(3, 3), (0, 2), (1, 4), (2, 2)]])
-def test_blocks_along_the_diagonal(shapes):
-    blocks = [np.random.default_rng(1).normal(size=shape) for shape in shapes]
-    expected = block_diag(*blocks) if blocks else np.zeros((0, 0))
-    np.testing.assert_array_equal(block_diagonal(*blocks), expected)
 
 
 def test_pseudo_inverse_is_independent_of_scale():
