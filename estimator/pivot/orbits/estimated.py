@@ -130,12 +130,10 @@ def _gain_there(found: PivotSolution, other: PivotSolution, start: InitialSoluti
 
 def _coefficients(smooth: SmoothPath, orbital: Path, x: FloatArray) -> FloatArray:
     """The coefficients (p,) of a smooth path through the places of another, which begins with unknowns of x (q,)."""
-    middle, half = (smooth.begin + smooth.end) / 2, (smooth.end - smooth.begin) / 2
-
-    def places(at: FloatArray) -> FloatArray:
-        return orbital.at(middle + half * at).position(x[: orbital.size])
-
-    return np.asarray(chebyshev.chebinterpolate(places, smooth.degree).ravel())
+    at = chebyshev.chebpts1(smooth.degree + 1)
+    time = (smooth.begin + smooth.end) / 2 + (smooth.end - smooth.begin) / 2 * at
+    places = orbital.at(time).position(x[: orbital.size])
+    return np.asarray(np.linalg.solve(chebyshev.chebvander(at, smooth.degree), places).ravel())
 
 
 def _squares_by_chance(found: PivotSolution, other: PivotSolution) -> bool:
