@@ -125,7 +125,11 @@ def _window(equations: BurnEquations, fit: BurnFit) -> Burn | None:
     first, last = _windows(equations.cells, max(int(equations.longest / equations.width), 1))
     information, score = _of_windows(equations, fit, first, last)
     values, vectors = np.linalg.eigh(information)
-    values = np.maximum(values, 1e-12 * np.maximum(values[:, -1:], 1e-300))
+    shown = values[:, -1] > 0  # of the others nothing is left above the rounding
+    if not shown.any():
+        return None
+    first, last, score, values, vectors = (one[shown] for one in (first, last, score, values, vectors))
+    values = np.maximum(values, 1e-12 * values[:, -1:])
     along = np.einsum("kij,ki->kj", vectors, score)
     size = SIZES / values.mean(axis=1)[:, None]
     grown = 1 + size[:, :, None] * values[:, None]
