@@ -128,8 +128,8 @@ def _window(equations: BurnEquations, fit: BurnFit) -> Burn | None:
     shown = values[:, -1] > 0  # of the others nothing is left above the rounding
     if not shown.any():
         return None
-    first, last, score, values, vectors = (one[shown] for one in (first, last, score, values, vectors))
-    values = np.maximum(values, 1e-12 * values[:, -1:])
+    first, last, score, vectors = first[shown], last[shown], score[shown], vectors[shown]
+    values = np.maximum(values[shown], 1e-12 * values[shown, -1:])
     along = np.einsum("kij,ki->kj", vectors, score)
     size = SIZES / values.mean(axis=1)[:, None]
     grown = 1 + size[:, :, None] * values[:, None]
