@@ -16,13 +16,12 @@ typedef struct {
     double white, jerk, bend, wander, execution;
 } ProcessNoise;
 
-#define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
-#define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
+#define UNIT_OF_DENSITIES 3.453877639491069 /* logarithm of 10^1.5: so many densities are as likely as one size of another kind */
 #define BENT_ODDS (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
 #define WANDER_ODDS BENT_ODDS /* that thrusters change, or that each push has an error of its own, by one size */
 /* Where no orbit is told there is one, most likely, and gravity bends the path from the chaser by up to 3 n2 r, in m/s2: 1e-7
-   6 m away in a geostationary orbit, 1e-4 30 m away in a low one. The eight members of such sizes are as likely as the other sixteen. */
+   6 m away in a geostationary orbit, 1e-4 30 m away in a low one. The eight members of such sizes are as likely as all others. */
 #define LEAST_OF_GRAVITY 0.5e-7
 #define MOST_OF_GRAVITY 2e-4
 #define GRAVITY_ODDS 0.6931471805599453
@@ -36,16 +35,18 @@ static void add_noise(double q, double T, double *P, int stride) {
     }
 }
 
-/* Of the members without a jump, m2/s3. */
-static const double DENSITY[DENSITIES] = {1e-16, 3.1622776601683794e-15, 1e-13, 3.1622776601683794e-12,
-                                          1e-10, 3.1622776601683794e-9,  1e-7,  3.1622776601683794e-6};
+/* Of the members without a jump, m2/s3. The offset's variance goes with the density while noise of the points is small beside it: a claim of three times
+   less is confidently wrong. So large ones are nearer to each other than small ones. */
+static const double DENSITY[DENSITIES] = {1e-16, 1e-14, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 3.1622776601683794e-8, 1e-7, 3.1622776601683794e-7,
+                                          1e-6, 3.1622776601683794e-6};
 
 /* Deviations of an acceleration, m/s2, and the spans in which its random walk is as much, s. */
 static const double ACCELERATION[ACCELERATIONS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
 static const double WALK_TIME[WALKS] = {1000.0, 30.0};
 
-/* By how much of what is told of them thrusters change in 1000 s, from what the pushes of a flight hardly show on. */
-static const double WANDER[WANDERS] = {1e-3, 1e-2, 1e-1, 1.0, 10.0};
+/* By how much of what is told of them thrusters change in 1000 s, from what the pushes of a flight hardly show on. Densities of a random walk go by squares:
+   a factor of three here is one of ten there. */
+static const double WANDER[WANDERS] = {0.01, 0.03, 0.1, 0.3, 1.0};
 
 /* Standard deviations of what each push is wrong by, as parts of what is told of thrusters. Over a flight pushes tell theirs to a few percent:
    so they are nearer to each other than densities. */
@@ -185,10 +186,18 @@ static int count_of(const Online *filter) {
     return filter->options.on_orbit == 0.0 ? STEADY : filter->manoeuvred != 0.0 ? ON_ORBIT + WANDERS + EXECUTIONS : ON_ORBIT;
 }
 
+/* Logarithm of the odds of a density: it stands for those around it, of which a factor of 10^1.5 is as likely as one size of a bend. So densities that
+   are nearer to each other are not likelier for that. */
+static double density_odds(int m) {
+    const double ratio = DENSITY[m < DENSITIES - 1 ? m + 1 : m] / DENSITY[m > 0 ? m - 1 : m];
+    return log(log(ratio) / ((m > 0) + (m < DENSITIES - 1)) / UNIT_OF_DENSITIES);
+}
+
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
     double bend = process_noise_of(m).bend;
+    if (m < DENSITIES) return density_odds(m);
     if (filter->options.on_orbit != 0.0) return m >= ON_ORBIT ? WANDER_ODDS : bend > 0.0 ? BENT_ODDS : 0.0;
     return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
 }

@@ -102,9 +102,9 @@ static void weigh_members(Online *filter) {
         if (!is_alive(member)) continue;
         member->weight -= highest;
         double w = exp(member->weight);
-        if (!is_bending(member)) sum += w, mean += member->steady < DENSITIES ? w * member->steady : 0.0;
+        if (!is_bending(member)) sum += w, mean += w * log(process_noise_of((int)member->steady).white);
     }
-    filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
+    filter->density = exp(mean / sum);
 }
 
 /* A member takes a node, along a curve, or NULL, and what that only seems to show is taken back; 0 where rounding has left the

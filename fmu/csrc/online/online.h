@@ -38,7 +38,7 @@ enum {
     VELOCITY = 12,
     FEATURES = 15,
     MOST_ERRORS = FEATURES + 3 * MOST_FEATURES + 1, /* and one that is none: rows of an even length are aligned alike */
-    DENSITIES = 8,
+    DENSITIES = 12,
     ACCELERATIONS = 8, /* deviations of an acceleration by which a path bends */
     WALKS = 2, /* spans in which a random walk makes another of it */
     STEADY = DENSITIES + ACCELERATIONS * WALKS,

@@ -1,8 +1,8 @@
 /* Thrusters that do not stay as they are: they warm up, their tanks empty, a valve sticks. Errors of them that are taken for constant
 are soon known to parts of 1e-4, by all pushes since the first; where they change by more, the rest passes for an offset of the
 centre of mass, which turns with the target as thrust does. So members of the bank, from the first manoeuvre on, have errors of the
-thrusters in a random walk, of one size each: by a thousandth of what is told of them in 1000 s, which a flight hardly shows, up to ten
-times as much. Likelihoods weigh them as they weigh other process noise: thrusters that stay as they are cost nothing then. Such members
+thrusters in a random walk, of one size each: by a hundredth of what is told of them in 1000 s, which a flight hardly shows, up to as
+much. Likelihoods weigh them as they weigh other process noise: thrusters that stay as they are cost nothing then. Such members
 have no grades (thrust.c), of errors that are constant, or none. On an orbit only, where the bank has room for them.
 
 Nor is one push like the next, each has an error of its own (execution errors, Gates 1963). Further members have as much more noise as pushes have
