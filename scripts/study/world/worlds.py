@@ -54,6 +54,7 @@ WORLDS = {
         World("as modelled", LOW),
         World("white 1e-12", LOW, white=1e-12),
         World("white 1e-10", LOW, white=1e-10),
+        World("white 1e-8", LOW, white=1e-8),
         World("J2", LOW, j2=True),
         World("J2, one orbit", LOW, span=5980.0, j2=True),
         World("400 km, drag", VERY_LOW, j2=True, drag=2e-6),
