@@ -150,13 +150,12 @@ def by_hand(processor, scale, points, valid, ends=(1, None), labels=b"A B ", mor
     head = bytes([2, 0x50]) + words(order, "H", [m, 1, first, last or first + n - 1, 10])
     head += floats(scale) + words(order, "H", [3, 1]) + floats(50.0)
     content = head.ljust(512, b"\0") + (bytes([1, 80, 1, processor]) + b"".join(parameters)).ljust(512, b"\0")
-    for frame in range(n):
-        for marker in range(m):
-            row = [*points[frame, marker], 0 if valid[frame, marker] else -1]
-            whole = [*(np.array(row[:3]) / scale).astype(int), row[3]]
-            content += floats(*row) if scale < 0 else words(order, "h", whole)
-        content += floats(0.5) if scale < 0 else words(order, "h", [7])
-    return content
+    seen = np.where(valid, 0.0, -1.0)[..., None]
+    if scale < 0:
+        rows = np.concatenate([points, seen], axis=2).reshape(n, 4 * m)
+        return content + floats(*np.column_stack([rows, np.full(n, 0.5)]).ravel())
+    rows = np.concatenate([(points / scale).astype(int), seen], axis=2).reshape(n, 4 * m)
+    return content + np.column_stack([rows, np.full(n, 7)]).astype(order + "i2").tobytes()
 
 
 @pytest.mark.parametrize("scale", [-1.0, 0.5])
