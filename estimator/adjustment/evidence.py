@@ -92,7 +92,9 @@ def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None 
         starts = [np.clip(np.where(unknown, bounds[:, 0], start), bounds[:, 0], bounds[:, 1])]
     # The better start may lie in a narrow valley that leads nowhere.
     costs: dict[bytes, float] = {}
-    found = [_minimised(linear, prior, bounds, _scanned(linear, prior, bounds, at, unknown, costs)) for at in starts]
+    scanned = [_scanned(linear, prior, bounds, at, unknown, costs) for at in starts]
+    different = {at.tobytes(): at for at in scanned}  # often both are the same
+    found = [_minimised(linear, prior, bounds, at) for at in different.values()]
     best, _ = min(found, key=lambda one: one[1])
     return _spared(linear, prior, best, bounds, scan=start is None)
 

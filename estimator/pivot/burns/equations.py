@@ -157,7 +157,11 @@ class BurnEquations:
         return BurnFit(burns, score, variance, best, mean, covariance, matrix, rhs, bend)
 
     def settled(self, burns: tuple[Burn, ...], about: BurnFit, limit: Limit = FREE) -> BurnFit:
-        """The fit with the burns' times at their maximum; about: a fit whose path, variance and noise are near."""
+        """The fit with the burns' times at their maximum; about: a fit whose path and variance are near.
+
+        How smooth its path is holds with other burns, too, but the noise's density is sought in its whole range: it
+        stands for the burns that one of the two has not.
+        """
         variance, x = about.variance, self.path_in(about)
         if not burns:
             return self.fitted((), variance, NOISE_ROUNDS, limit)
@@ -165,7 +169,7 @@ class BurnEquations:
         bend = self.burned(burns, x).bend(self.time)
         if bend is not None and np.abs(bend).max() < BENT * np.sqrt(variance / len(self.frame)):
             bend = None
-        first = fit = self.fitted(burns, variance, 1, limit, bend)
+        first = fit = self.fitted(burns, variance, 1, limit, bend, near=np.append(about.theta[:-1], np.nan))
         for _ in range(SETTLING):
             own = slice(u, u + UNKNOWNS * len(fit.burns))
             moved, still = self.burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])

@@ -153,15 +153,17 @@ def _gains(found: PivotSolution) -> list[float]:
     burned = burned_in(found.path)
     assert burned is not None  # noqa: S101  there are burns
     linear, prior = scaled(found.problem, found.variance), found.path.prior
-    whole = cost(linear, prior, maximise(linear, prior, found.posterior.theta))
+    near = found.posterior.theta.copy()
+    whole = cost(linear, prior, maximise(linear, prior, near))
+    near[prior.index(DENSITY)] = np.nan  # noise stands for a burn that is left out: any may be likeliest
     return [
-        _cost_without(linear, prior, np.arange(first, first + UNKNOWNS)) - whole
+        _cost_without(linear, prior, np.arange(first, first + UNKNOWNS), near) - whole
         for first in range(burned.base.size, burned.size, UNKNOWNS)
     ]
 
 
-def _cost_without(linear: GaussianLikelihood, prior: Prior, gone: NDArray[np.intp]) -> float:
-    """−2 ln p at its minimum if some unknowns are zero, beside that with them."""
+def _cost_without(linear: GaussianLikelihood, prior: Prior, gone: NDArray[np.intp], near: FloatArray) -> float:
+    """−2 ln p at its minimum if some unknowns are zero, beside that with them; near (h,): see `maximise`."""
     few, more = fixed_at(linear, gone, np.zeros(len(gone)))
     own = prior.of(np.setdiff1d(np.arange(len(linear.x)), gone))
-    return cost(few, own, maximise(few, own)) + more
+    return cost(few, own, maximise(few, own, near)) + more

@@ -86,8 +86,9 @@ def _likeliest(
             gains.append(-np.inf)
             continue
         linear, wider = _with_only(further, own, index), prior.joined(push.prior.of(np.arange(first, push.size)))
-        without = cost(alone, prior, maximise(alone, prior))
-        gains.append(without - cost(linear, wider, maximise(linear, wider)))
+        gains.append(-cost(linear, wider, maximise(linear, wider)))
+    if np.isfinite(gains).any():
+        gains = [gain + cost(alone, prior, maximise(alone, prior)) for gain in gains]
     best = int(np.argmax(gains))
     return pushes[best] if gains[best] >= least else None
 
