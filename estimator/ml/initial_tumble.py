@@ -32,6 +32,7 @@ WINDOWS = 150  # of frames from which rates are computed
 WINDOW_ANGLE = 0.8  # rad that the body turns in a window
 EPOCHS = (0.5, 0.3, 0.7)  # shares of the time span at which the fit is started until one explains the attitudes
 EXPLAINED = 4.0  # median of the squares over that of noise alone, below which the attitudes are explained
+AT_NOISE, CLEAR = 1.5, 5.0  # that median, and a nutation's width in an attitude's deviations, which leave no doubt
 OUTLIER_RATIO = 3.0  # residual of a window over the median, above which it is an outlier
 MAX_HALF_WIDTH = 40  # frames of a window on either side
 # Bound of the integration's nodes, two per radian: more would take many minutes for a fit.
@@ -143,10 +144,17 @@ def fit_tumbles(
 
 
 def _of_near_spin(best: Tumble, body: Body, poses: _Poses, main: int, time: FloatArray) -> Tumble:
-    """The fit, or a better one from the nutation that the attitudes of a body show where they are near a spin."""
+    """The fit, or a better one from the nutation that the attitudes of a body show where they are near a spin.
+
+    A fit of another frequency or sense would be off by the nutation's width in most frames: where that is clear in each
+    of them, one that leaves no more than noise is the best.
+    """
     at = time[body.frames]
     k = int(np.argmin(np.abs(at - best.rotation.epoch)))
+    certainty = float(np.median(np.linalg.eigvalsh(poses.information[poses.body == main])[:, 0]))
     for near in near_spins(at, body.attitude, best.rotation.rate):
+        if best.median_ratio < AT_NOISE and near.width**2 * certainty > CLEAR**2:
+            break
         state = {"epoch": float(at[k]), "attitude": body.attitude[k], "rate": near.rate[k], "inertia": near.inertia}
         other = _fitted_over_growing_windows(replace(best.rotation, **state), poses, main, len(best.bodies))
         best = min(best, other, key=lambda fit: fit.cost)

@@ -28,10 +28,14 @@ SLIMMEST = -0.98  # C/B − 1 of a rod
 
 @dataclass(frozen=True, eq=False)
 class NearSpin:
-    """A motion near a spin: inertia (3, 3) of trace 1, and rates (n, 3) in rad/s at the times, in the body's axes."""
+    """A motion near a spin: inertia (3, 3) of trace 1, and rates (n, 3) in rad/s at the times, in the body's axes.
+
+    width: the smaller half-axis of the ellipse on which the momentum's direction moves, rad.
+    """
 
     inertia: FloatArray
     rate: FloatArray
+    width: float
 
 
 def near_spins(time: FloatArray, R: FloatArray, rate: FloatArray) -> tuple[NearSpin, ...]:
@@ -82,7 +86,8 @@ def _near_spin(
     inertia = of_a_body(basis.T @ np.diag([1 / (1 + x), 1 / (1 + y), 1.0]) @ basis)
     momentum = axes[2] + moved @ axes[:2]
     turned = momentum @ np.linalg.inv(inertia)
-    return NearSpin(inertia, speed * turned / np.linalg.norm(turned, axis=1, keepdims=True))
+    rate = speed * turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return NearSpin(inertia, rate, float(sizes[1]))
 
 
 def _frequency(time: FloatArray, p: FloatArray, known: FloatArray, tried: FloatArray) -> float:

@@ -71,6 +71,12 @@ def test_without_noise_one_of_both_senses_is_right(name):
     best = both[int(np.argmin(apart))]
     assert min(apart) < 0.05
     np.testing.assert_allclose(best.rate, rate.T, atol=0.01 * SPEED)
+    # The momentum comes as near to the axis of the spin as its ellipse is wide.
+    momentum = inertia @ rate
+    axes = np.linalg.eigh(inertia)[1]
+    spun = axes[:, SPINS[name][1]]  # its moments ascend
+    sine = np.linalg.norm(np.cross(momentum.T, spun), axis=1) / np.linalg.norm(momentum, axis=0)
+    assert best.width == pytest.approx(sine.min(), abs=0.05 * sine.max())
 
 
 def test_what_is_no_spin_or_too_short_has_none():
