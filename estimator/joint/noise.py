@@ -15,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dct
+from scipy.linalg.lapack import dtrtri
 
+from baryscope.estimator.adjustment.evidence import cholesky
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 ROUNDS = 100  # of spectrum and variances by turns, at most
@@ -216,7 +218,8 @@ class _Reduced:
         """Mean (q,) and covariance (q, q) for variances (g,) of the groups."""
         known = np.zeros(len(self.group))
         known[self.group >= 0] = 1 / variances[self.group[self.group >= 0]]
-        covariance = np.linalg.inv(self.matrix + np.diag(known))
+        root, _ = dtrtri(cholesky(self.matrix, known), lower=True)  # in half the time of np.linalg.inv
+        covariance = root.T @ root
         return covariance @ self.rhs, np.asarray(covariance)
 
     def likelihood(self, variances: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
