@@ -8,9 +8,6 @@ DEMO := out/envisat
 .PHONY: demo test check site benchmark lock clean
 .DELETE_ON_ERROR:
 
-# Tests start many processes. Without bytecode each would compile the package once more.
-unexport PYTHONDONTWRITEBYTECODE
-
 demo: $(VENV)/.ready
 	$(BIN)/baryscope compare --scenario envisat -o $(DEMO)
 

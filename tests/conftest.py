@@ -18,6 +18,9 @@ settings.load_profile("baryscope")
 
 SOONER, FILTER = "-O0", "online.h"  # an option of the compiler; a source of what holds the online filter
 
+# Tests start many processes, and so does xdist. Without bytecode each would compile the package once more.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Modules and tests stay for the session: what looks for reference cycles would look at them again and again.
 gc.set_threshold(20_000, 10, 100)
 
