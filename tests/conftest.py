@@ -17,6 +17,7 @@ settings.register_profile("baryscope", derandomize=True, deadline=None)
 settings.load_profile("baryscope")
 
 SOONER, FILTER = "-O0", "online.h"  # an option of the compiler; a source of what holds the online filter
+ZIG_SOONER = ("-O3", "-Xclang", SOONER)  # as above, but for zig, which adds checks and a time where it is told -O0
 
 # Tests start many processes, and so does xdist. Without bytecode each would compile the package once more.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -40,8 +41,8 @@ def pytest_report_header():
 def own_cache(tmp_path_factory, testrun_uid):
     """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone.
 
-    They are made sooner without optimisation; what users get is tested where units are built. The online filter runs
-    for minutes: what holds it gets the optimisations that pay.
+    They are made sooner without optimisation; what users get is tested where units are built, without CFLAGS. The
+    online filter runs for minutes: what holds it gets the optimisations that pay, but for zig's, which run for seconds.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -49,8 +50,12 @@ def own_cache(tmp_path_factory, testrun_uid):
     as_told = Job.steps.fget
 
     def steps(job):
-        level = "-O1" if FILTER in job.sources else SOONER
-        return [[level if word == SOONER else word for word in step] for step in as_told(job)]
+        if os.environ.get("CFLAGS") != SOONER:
+            return as_told(job)
+        told, level = (SOONER,), ("-O1",) if FILTER in job.sources else (SOONER,)
+        if job.by_zig:
+            told, level = ("-O3",), ZIG_SOONER
+        return [[new for word in step for new in (level if word in told else (word,))] for step in as_told(job)]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BARYSCOPE_CACHE", str(folder / "cache"))
