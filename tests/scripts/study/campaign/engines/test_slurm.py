@@ -31,7 +31,7 @@ job = subprocess.Popen(["bash", script], start_new_session=True, stdin=quiet, st
 print("Submitted batch job", job.pid)
 """
 SCANCEL = "#!/bin/sh\nkill -9 -- -$1\n"
-DRAWS = 100  # of some 50 ms each: more than are done when a job ends that has done two
+DRAWS = 25  # of some 50 ms each: more than are done when a job ends that has done two
 
 
 @pytest.fixture
@@ -48,7 +48,12 @@ def slurm(tmp_path):
     yield (
         tmp_path,
         os.environ
-        | {"HOME": str(home), "PATH": path, "OPENBLAS_NUM_THREADS": "1", "DASK_DEPLOY__LOST_WORKER_TIMEOUT": "1s"},
+        | {
+            "HOME": str(home),
+            "PATH": path,
+            "OPENBLAS_NUM_THREADS": "1",
+            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1s",
+        },
     )
     for file in tmp_path.glob("job*.pid"):
         with suppress(ProcessLookupError):
