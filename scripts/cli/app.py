@@ -1,9 +1,11 @@
 """`baryscope`: the subcommands put together, and how errors reach the user."""
 
+import ast
 import os
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal, TextIO, get_args, get_origin
 
 from cyclopts import App, Argument, CoercionError, CycloptsError, MissingArgumentError, Token, UnusedCliTokensError
@@ -33,20 +35,40 @@ COMMANDS = {
     "scenarios": "scenarios:scenarios",
 }
 
-app = App(
-    name="baryscope",
-    help="Find the centre of mass of a tumbling object from the tracks of features on its surface.\n\n"
-    "Exit codes: 0 done, 1 cannot be computed, 2 wrong input, 3 files are written but the estimate is not to be "
-    "trusted, 130 interrupted, 143 terminated. Errors are one line on standard error.",
-    version=__version__,
-    exit_on_error=False,
-    print_error=False,
-    result_action="return_value",
-    suppress_keyboard_interrupt=False,
-)
-app.register_install_completion_command()
-for name, place in COMMANDS.items():
-    app.command(f"{__package__}.{place}", name=name)
+
+def _app(*, listing: bool = False) -> App:
+    """All commands; for their list with what each does, which none of them has to be imported for."""
+    made = App(
+        name="baryscope",
+        help="Find the centre of mass of a tumbling object from the tracks of features on its surface.\n\n"
+        "Exit codes: 0 done, 1 cannot be computed, 2 wrong input, 3 files are written but the estimate is not to be "
+        "trusted, 130 interrupted, 143 terminated. Errors are one line on standard error.",
+        version=__version__,
+        exit_on_error=False,
+        print_error=False,
+        result_action="return_value",
+        suppress_keyboard_interrupt=False,
+    )
+    made.register_install_completion_command()
+    for name, place in COMMANDS.items():
+        made.command(f"{__package__}.{place}", name=name, help=_purpose(place) if listing else None)
+    return made
+
+
+def _purpose(place: str) -> str:
+    """The first paragraph of a command's docstring, read from its source; that of an app is its default's."""
+    module, _, command = place.partition(":")
+    body = ast.parse(Path(__file__).with_name(f"{module}.py").read_bytes()).body
+    (text,) = (
+        ast.get_docstring(node) or ""
+        for node in body
+        if isinstance(node, ast.FunctionDef)
+        and command in {node.name, *(ast.unparse(one).removesuffix(".default") for one in node.decorator_list)}
+    )
+    return text.partition("\n\n")[0]
+
+
+app = _app()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,9 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: list[str], ending: Ending) -> int:
     """Run a command; its exit code."""
     try:
-        if arguments[:1] in ([], ["-h"], ["--help"]):
-            app.resolved_commands()  # with what each does, for their list
-        code = app(arguments)
+        code = (_app(listing=True) if arguments[:1] in ([], ["-h"], ["--help"]) else app)(arguments)
         sys.stdout.flush()
     except CycloptsError as error:
         return _complain(_words(error), BAD_INPUT)

@@ -25,12 +25,16 @@ def complaint(capsys, code, *arguments):
 COMMANDS = sorted(name for name in app.app if not name.startswith("-"))
 
 
-def test_help_names_every_command_with_what_it_does(capsys):
+@pytest.mark.parametrize("arguments", [[], ["-h"], ["--help"]])
+def test_help_names_every_command_with_what_it_does(capsys, monkeypatch, arguments):
+    """In the first line of what its own help says, which is that of its docstring."""
+    monkeypatch.setenv("COLUMNS", "200")
     assert {"compare", "build", "simulate", "estimate", "campaign", "bound", "check", "scenarios"} <= set(COMMANDS)
-    assert app.main(["--help"]) == 0
+    assert app.main(arguments) == 0
     text = capsys.readouterr().out
     for command in COMMANDS:
-        assert re.search(rf"\b{command}\s+[A-Z]\w+", text), command
+        purpose = app.app[command].help.partition("\n")[0].replace("`", "")
+        assert re.search(rf"\b{command}\s+{re.escape(purpose)}", text), command
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -66,8 +70,10 @@ def loaded_by(*arguments):
 
 
 def test_a_command_loads_what_it_needs():
-    """Nobody wants to wait for all libraries who asks for the version."""
-    assert not loaded_by("--version") & {"numpy", "casadi", "baryscope.fmu", "baryscope.estimator", "baryscope.study"}
+    """Nobody wants to wait for all libraries who asks for the version, or for what commands there are."""
+    libraries = {"numpy", "casadi", "baryscope.fmu", "baryscope.estimator", "baryscope.study"}
+    for arguments in (["--version"], ["--help"], []):
+        assert not loaded_by(*arguments) & libraries
     assert not loaded_by("build", "--help") & {"scipy", "baryscope.estimator", "baryscope.study"}
     slow = {f"scipy.{name}" for name in ("stats", "signal", "interpolate", "ndimage", "optimize", "sparse", "spatial")}
     assert not loaded_by("estimate", "--help") & slow
