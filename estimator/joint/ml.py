@@ -5,6 +5,8 @@ with a spectrum that the residuals tell (`noise`); and a part of it may depend o
 of skin which keeps time with the gait: linearly on the angles in the axes of either body, and in the parent's as any
 combination of angles, rates and their products, which are then of one size, as in a gait. The random coefficients of
 such a part show in directions that the centre cannot explain, and so tell how much it may have shifted the centre.
+Markers that follow the angles each by itself turn the attitudes wrong, by as much as their residuals tell: what that
+does to the slide in second order is one more combination, of products of the angles, of a size that is known.
 
 Only those frequencies are used at which the bodies turn by far more than their attitudes are noisy: others tell little,
 but look as if they did, as noise of the attitudes is correlated with that of the centroids.
@@ -36,7 +38,7 @@ MOST_SQUARES = 8  # functions that are products of angles and rates
 
 def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
     """The centre; told (6, q): the directions of (u, v) of which the motion tells, if by the bodies' noise alone."""
-    fit, in_child, _ = likeliest_slide(pair, told)
+    fit, in_child, _ = likeliest_slide(pair, told, of_wrong_turns(pair))
     spurious = SpuriousInformation.of(_spurious(pair, in_child, fit), len(fit.kept))
     reach = farthest(pair.child.markers)
     of_told = told @ fit.covariance @ told.T
@@ -53,9 +55,13 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
     )
 
 
-def likeliest_slide(pair: Pair, told: FloatArray) -> tuple[Fit, bool, list[FloatArray]]:
+def likeliest_slide(
+    pair: Pair, told: FloatArray, known: Sequence[FloatArray] = ()
+) -> tuple[Fit, bool, list[FloatArray]]:
     """The fit in the axes of parent or child, whichever are likelier; whether they are the child's; and, in T, the
     groups of functions (n, 3, q) of the motion that the slide may have.
+
+    known: functions of time (n, i) along the axes of parent and child by unit normal numbers, which it has besides.
     """
     design, wanted = pair.equations
     kept = clear_coefficients(pair)
@@ -65,8 +71,9 @@ def likeliest_slide(pair: Pair, told: FloatArray) -> tuple[Fit, bool, list[Float
         back = np.swapaxes(axes, 1, 2)
         bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
         functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
+        sure = [_along(one, body) for one, body in zip(known, bodies, strict=False)]
         moved = np.einsum("kij,kj->ki", back, wanted)
-        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
+        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest, sure))
         if len(fits) == 1 or fits[1].likelihood > fits[0].likelihood:
             found = [axes @ one for one in functions]
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
@@ -88,8 +95,13 @@ def motion_functions(
     angle, linear, squares = _of_motion(R_P_C)
     of_bodies = [np.concatenate(coordinates, axis=2)] if of_one_size else list(coordinates)
     groups = [(angle, axes) for axes in of_bodies] + [(linear, coordinates[0]), (squares, coordinates[0])]
-    n, c, _ = coordinates[0].shape
-    return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
+    return [_along(one, axes) for one, axes in groups if one.size]
+
+
+def _along(functions: FloatArray, axes: FloatArray) -> FloatArray:
+    """Functions of time (n, i) along each of the axes (n, c, k): (n, c, k i)."""
+    n, c, _ = axes.shape
+    return np.asarray(np.einsum("ni,nck->ncki", functions, axes).reshape(n, c, -1))
 
 
 def _of_motion(R_P_C: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -101,10 +113,15 @@ def _of_motion(R_P_C: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     angle, rate = angle - angle.mean(axis=0), rate - rate.mean(axis=0)
     rate = rate * np.sqrt(np.sum(angle**2) / max(float(np.sum(rate**2)), 1e-300))
     linear = _orthogonal(np.concatenate([angle, rate], axis=1))
-    i, j = np.triu_indices(linear.shape[1])
-    products = linear[:, i] * linear[:, j]
-    products = products - products.mean(axis=0)
+    products = _products(linear)
     return angle, linear, _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
+
+
+def _products(values: FloatArray) -> FloatArray:
+    """All products (n, q (q + 1) / 2) of two of the columns (n, q), of the mean 0."""
+    i, j = np.triu_indices(values.shape[1])
+    products = values[:, i] * values[:, j]
+    return np.asarray(products - products.mean(axis=0))
 
 
 def angles(R_P_C: FloatArray) -> FloatArray:
@@ -173,9 +190,40 @@ def relative_noise(pair: Pair, weight: Callable[[FloatArray], float] = lambda _:
 
 def relative_turn_with_motion(pair: Pair) -> FloatArray:
     """The same by what of the markers' own errors is a function of the motion."""
+    return _of_child(pair, _turns_with_motion(pair))
+
+
+def _turns_with_motion(pair: Pair) -> list[FloatArray]:
+    """The covariances (k, 3, 3), rad², of the attitudes of parent, if there is one, and child, each in its axes, by
+    what of their markers' own errors is a function of the motion.
+    """
     bodies = [body for body in (pair.parent, pair.child) if body is not None]
     locked = [max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0) for body in bodies]
-    return _of_child(pair, [body.attitude_noise(one) for body, one in zip(bodies, locked, strict=True)])
+    return [body.attitude_noise(one) for body, one in zip(bodies, locked, strict=True)]
+
+
+def of_wrong_turns(pair: Pair) -> list[FloatArray]:
+    """Products of the joint's angles (n, 6), m, by one unit normal number of which along each axis of parent and child
+    the two sides slide as attitudes are wrong with the motion; of a room that is no body, 0.
+    """
+    design, wanted = pair.equations
+    levers = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0].reshape(2, 3)
+    *parent, child = [float(np.trace(turn.mean(axis=0))) / 3 for turn in _turns_with_motion(pair)]
+    variances = bent_slides(np.array([parent[0] if parent else 0.0, child]), np.sum(levers**2, axis=1))
+    products = _products(angles(pair.relative))
+    size = np.sqrt(variances / max(float(np.sum(np.mean(products**2, axis=0))), 1e-300))
+    return [products * one for one in size]
+
+
+def bent_slides(turned: FloatArray, squared_levers: FloatArray) -> FloatArray:
+    """The variance (2,), m² per coordinate, of what of both bodies' slides is of second order in their wrong attitudes.
+
+    Be θ the angles, and δ = K θ what a body's attitude is wrong by, of the variance s² about each axis: `turned` (2,),
+    rad². At a lever v, v² in `squared_levers` (2,), m², the slide is δ × v, which is linear in θ, and ½ δ × (δ × v). As
+    θ is that of wrong attitudes, too, by ε of the variance Σ s² of both bodies, it is itself in error by θ × ε / 2,
+    which K turns into a slide as well. For random K, 5/6 s⁴ v² and 1/3 s² v² Σ s².
+    """
+    return np.asarray(squared_levers * turned * (5 / 6 * turned + turned.sum() / 3))
 
 
 def _of_child(pair: Pair, turns: list[FloatArray]) -> FloatArray:

@@ -27,6 +27,7 @@ LEAST_BAND, WIDER = 3, 1.2  # coefficients in a band at least, and the ratio of 
 ROUNDING = 1e-24  # of the squares of what is given: a variance below is rounding
 AT_FIRST = 0.3  # share of the residuals' variance that a group of functions has at first
 QUIETEST = 0.5  # variance of a band over the mean beyond the last one that is used
+KNOWN = -2  # the group of functions whose coefficients have the variance 1
 NEGLIGIBLE = 1e-6  # of the variance at first: a smaller one of a function counts as none
 STEP = 2.0  # ratio of one variance of a group to the next, over which the covariance is integrated
 MOST_STEPS, LEAST_SHARE = 24, 1e-4  # of them either way, and the share of the greatest likelihood at which they end
@@ -95,6 +96,7 @@ def restricted_likelihood(
     functions: Sequence[FloatArray],
     kept: IntArray,
     largest: float | None = None,
+    known: Sequence[FloatArray] = (),
 ) -> Fit:
     """Solve design @ x + noise = wanted from some coefficients along time.
 
@@ -106,9 +108,10 @@ def restricted_likelihood(
         kept: (k,), ascending, which coefficients of the transform are used.
         largest: rms that a group of functions may have in a coordinate at most, as wanted; None: the likeliest
             variances are taken for true.
+        known: groups (n, c, q) of functions in the noise whose coefficients are of the variance 1.
     """
     p = design.shape[2]
-    rows = _Rows.of(design, wanted, functions, kept)
+    rows = _Rows.of(design, wanted, functions, kept, known)
     spectrum = np.full(len(kept), rows.start)
     squares = np.array([float(np.sum(one**2)) for one in functions])
     variances = AT_FIRST * rows.start * wanted.size / np.maximum(squares, 1e-300)
@@ -147,8 +150,8 @@ class _Rows:
     """The equations along the k coefficients that are used of the cosine transform, in c coordinates.
 
     matrix (k c, q): of unknowns and coefficients of functions; wanted (k, c); group (q,): whose coefficient it is, −1
-    for an unknown; ends: of the bands among the k coefficients; start: the variance of every band at first, that of the
-    residuals without any functions; least: that of a band at least.
+    for an unknown, KNOWN for one of the variance 1; ends: of the bands among the k coefficients; start: the variance of
+    every band at first, that of the residuals without any functions; least: that of a band at least.
     """
 
     matrix: FloatArray
@@ -159,7 +162,14 @@ class _Rows:
     least: float
 
     @classmethod
-    def of(cls, design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray) -> "_Rows":
+    def of(
+        cls,
+        design: FloatArray,
+        wanted: FloatArray,
+        functions: Sequence[FloatArray],
+        kept: IntArray,
+        known: Sequence[FloatArray],
+    ) -> "_Rows":
         """The rows for the arguments of `restricted_likelihood`."""
         p = design.shape[2]
         b, F = transformed(wanted), transformed(design)
@@ -170,8 +180,10 @@ class _Rows:
             least = max(least, QUIETEST * float(np.mean(above**2)))
         start = max(float(np.mean(residual[kept] ** 2)), least)
         groups = [transformed(group)[kept] for group in functions]
-        matrix = np.concatenate([F[kept], *groups], axis=2)
-        owner = np.repeat(np.arange(-1, len(groups)), [p, *(group.shape[2] for group in groups)])
+        sure = [transformed(one)[kept] for one in known]
+        matrix = np.concatenate([F[kept], *groups, *sure], axis=2)
+        sizes = [p, *(group.shape[2] for group in groups), sum(one.shape[2] for one in sure)]
+        owner = np.repeat([*range(-1, len(groups)), KNOWN], sizes)
         return cls(matrix.reshape(-1, matrix.shape[2]), b[kept], owner, bands(len(kept)), start, least)
 
     def reduced(self, spectrum: FloatArray) -> "_Reduced":
@@ -207,7 +219,7 @@ class _Rows:
 class _Reduced:
     """Normal equations of unknowns and coefficients (q,), for a spectrum, without what is known of coefficients.
 
-    group (q,): whose coefficient it is, −1 for an unknown.
+    group (q,): whose coefficient it is, −1 for an unknown, KNOWN for one of the variance 1.
     """
 
     matrix: FloatArray
@@ -217,6 +229,7 @@ class _Reduced:
     def posterior(self, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean (q,) and covariance (q, q) for variances (g,) of the groups."""
         known = np.zeros(len(self.group))
+        known[self.group == KNOWN] = 1.0
         known[self.group >= 0] = 1 / variances[self.group[self.group >= 0]]
         root, _ = dtrtri(cholesky(self.matrix, known), lower=True)  # in half the time of np.linalg.inv
         covariance = root.T @ root
