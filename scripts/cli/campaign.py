@@ -1,6 +1,7 @@
 """`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +26,7 @@ from baryscope.study.campaign import (
     shard_of,
 )
 from baryscope.study.campaign import report as report_of
-from baryscope.study.campaign.folder import alone_in
+from baryscope.study.campaign.folder import alone_in, read_plan
 from baryscope.study.campaign.runner import PAGE, SUMMARY, carry_out
 from baryscope.study.campaign.suite import read_suite
 from baryscope.study.campaign.summary import ABOUT_SHORT
@@ -87,7 +88,7 @@ def run_campaign(
     restart
         Delete the runs that are there and begin anew.
     report
-        Run nothing; print the tables of the runs that are there.
+        Run nothing; print the tables of the runs that are there. Other options, if given, have to be those of the runs.
     output
         Folder to write to. Default: out/campaign- and the names of suite or scenarios, and of the shard.
     """
@@ -101,13 +102,13 @@ def run_campaign(
         if there:
             raise InputError(f"--{one}: found beside --{other}, expected one of them")
     part = shard_of("1/1" if shard is None else shard)
-    if report and output is not None:
-        _show(report_of(output), output, show)
-        return
     chosen = None if methods is None else methods.split(",")
     plan = plan_of(scenario or [], suite, chosen, draws=draws, seed=seed, vary=_varied(vary))
     named = plan.name if part.of == 1 else f"{plan.name}-{part.index}-of-{part.of}"
     folder = output or Path("out") / named
+    asked = {"entries": scenario or suite, "methods": methods, "seed": seed, "vary": vary, "draws": draws}
+    if report:
+        _refuse_another(folder, plan, [name for name, given in asked.items() if given is not None])
     check_outputs(campaign_paths(folder), _sources(scenario, suite))
     if report:
         summary = report_of(folder)
@@ -152,6 +153,21 @@ def _carried_out(
         client = None if scheduler is None else stack.enter_context(connected(scheduler))
         progress = stack.enter_context(show.progress())
         return carry_out(plan, folder, client=client, workers=workers, shard=part, progress=progress)
+
+
+def _refuse_another(folder: Path, plan: Plan, asked: list[str]) -> None:
+    """Check that the campaign that is there is one as asked for, in the fields of its plan that options name.
+
+    Raises:
+        InputError: it is not, or there is none.
+    """
+    there = read_plan(folder)
+    wanted = replace(there, **{name: getattr(plan, name) for name in asked})
+    difference = wanted.difference(there)
+    if difference is None and wanted.draws != there.draws:
+        difference = f"draws {there.draws}, expected {wanted.draws}"
+    if difference is not None:
+        raise InputError(f"{folder}: holds a campaign with {difference} as the options say")
 
 
 def _sources(scenario: list[str] | None, suite: str | None) -> list[Path]:

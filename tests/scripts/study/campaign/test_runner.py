@@ -93,6 +93,30 @@ def test_what_is_complete_runs_nothing(finished, scenario_file, tmp_path, no_wor
     assert "small: a small body, 4 draws" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["--scenario", "envisat"], "scenarios small, expected envisat"),
+        (["--methods", "ekf"], "methods screw-gpa,screw-gpa-lvlh,pivot, expected ekf"),
+        (["--seed", "77"], "seed "),
+        (["--draws", "9"], "draws 4, expected 9"),
+        (["--vary", "none"], "expected none"),
+    ],
+)
+def test_a_report_of_other_runs_than_asked_for_is_refused(finished, asked, told, capsys):
+    """What is given has to be that of the plan that is there; what is not given may be anything."""
+    assert app.main(["campaign", "--report", "-o", str(finished), *asked]) == 2
+    error = capsys.readouterr().err
+    assert "holds a campaign with " in error
+    assert told in error
+
+
+def test_a_report_of_the_runs_that_are_asked_for(finished, scenario_file, tmp_path, capsys):
+    folder = copied(finished, tmp_path / "done", (finished / RUNS).read_bytes())
+    assert app.main([*options(scenario_file, folder), "--report"]) == 0
+    assert "small: a small body, 4 draws" in capsys.readouterr().out
+
+
 def test_a_shard_runs_its_own_draws_alone(scenario_file, tmp_path, no_workers, capsys, monkeypatch):
     """And then, in the same folder, those of the other."""
     monkeypatch.chdir(tmp_path)
