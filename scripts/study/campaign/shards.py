@@ -56,11 +56,16 @@ def merge(folders: Sequence[AnyPath], output: AnyPath) -> Plan:
         The plan, with the highest number of draws of all.
 
     Raises:
-        InputError: fewer than two folders; their plans differ; two runs of a draw differ; or the output is there.
+        InputError: fewer than two folders; one is named twice; their plans differ; two runs of a draw differ; or the
+            output is there.
     """
     sources, output = [Path(folder) for folder in folders], Path(output)
     if len(sources) < 2:
         raise InputError(f"merge: found {len(sources)} folder, expected at least two")
+    places = [folder.resolve() for folder in sources]
+    twice = next((folder for k, folder in enumerate(sources) if places[k] in places[:k]), None)
+    if twice is not None:
+        raise InputError(f"merge: found {twice} twice, expected each folder once")
     taken = next((name for name in (HEADER, RUNS) if (output / name).exists()), None)
     if taken is not None or (output.exists() and not output.is_dir()):
         raise InputError(f"{output / taken if taken else output}: is there already, expected a new folder")

@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pandas as pd
@@ -70,9 +72,10 @@ def shards(plan, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def merged(shards, tmp_path_factory):
-    """All shards in a folder, the second one twice."""
+    """All shards in a folder, the runs of the second one twice."""
     folder = tmp_path_factory.mktemp("merged") / "all"
-    assert app.main(["campaign", "merge", *map(str, [*shards, shards[1]]), "-o", str(folder), "-q"]) == 0
+    again = copytree(shards[1], folder.parent / "again")
+    assert app.main(["campaign", "merge", *map(str, [*shards, again]), "-o", str(folder), "-q"]) == 0
     return folder
 
 
@@ -160,6 +163,16 @@ def test_files_of_different_seeds_refuse_to_be_joined_by_hand(shards, plan, tmp_
         stream.write((other / RUNS).read_bytes())
     with pytest.raises(InputError, match=rf"line {count + 1} is of another plan \(\w+, seed 2\), expected .*seed 1"):
         read_runs(joined)
+
+
+def test_a_folder_that_is_named_twice_is_refused(shards, tmp_path, capsys, monkeypatch):
+    """Whoever names shard 1 twice means shard 2, whose runs would be missing. By any of its names."""
+    monkeypatch.chdir(shards[0].parent)
+    for again in (str(shards[0]), f"./{shards[0].name}"):
+        folders = [str(shards[0]), str(shards[1]), again]
+        assert app.main(["campaign", "merge", *folders, "-o", str(tmp_path / "all")]) == 2
+        assert f"merge: found {Path(again)} twice, expected each folder once" in capsys.readouterr().err
+    assert not (tmp_path / "all").exists()
 
 
 def test_a_draw_that_came_out_twice_differently_is_refused(shards, plan, tmp_path):
