@@ -59,7 +59,8 @@ def estimate_file(
     units
         Of the lengths in that file. Default: what a .trc, .c3d, .nc or .zarr file says; metres.
     features
-        Labels of those that are used, a,b,c: those of one body in a file of several. Default: all.
+        Labels of those that are used, a,b,c: those of one body in a file of several. Default: all. One with a comma
+        stands in quotes, '"a,b",c'.
     method
         pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
         free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass

@@ -52,6 +52,23 @@ def test_features_of_one_body_in_a_file_of_several(tracks, tmp_path, capsys):
     assert one == both
 
 
+def test_labels_with_commas_stand_in_quotes(tracks, tmp_path, capsys):
+    """As in a CSV file; all else is an error that shows them so."""
+    read = FeatureTracks.read_csv(tracks)
+    labels = ["F0, upper", 'a "lower", one', *read.labels[2:]]
+    FeatureTracks(read.time, read.position, labels).write_csv(tmp_path / "commas.csv")
+    FeatureTracks(read.time, read.position[:, :4], read.labels[:4]).write_csv(tmp_path / "plain.csv")
+    options = ["--trajectory", "fixed", "--no-report"]
+    named = '"F0, upper", "a ""lower"", one",F2,F3'
+    assert app.main(["estimate", str(tmp_path / "commas.csv"), "--features", named, *options]) == 0
+    assert app.main(["estimate", str(tmp_path / "plain.csv"), *options]) == 0
+    one, both = ((tmp_path / f"{name}.estimate.csv").read_text(encoding="utf-8") for name in ("commas", "plain"))
+    assert one == both
+    capsys.readouterr()
+    assert app.main(["estimate", str(tmp_path / "commas.csv"), "--features", "F0, upper,F2,F3", *options]) == 2
+    assert """found 'F0', expected some of "F0, upper", "a ""lower"", one", F2""" in capsys.readouterr().err
+
+
 def test_tracks_in_millimetres_and_in_another_form(tracks, tmp_path, capsys):
     """The same estimate to rounding, in metres."""
     rows = polars.read_csv(tracks).with_columns(polars.col("x", "y", "z") * 1e3)
