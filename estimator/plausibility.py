@@ -8,6 +8,7 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
 LARGEST = 2000.0  # m, the width of a body; wider ones are probably given in millimetres
+LONG = 10_000.0  # s: nothing is recorded for hours where no orbit bends its way; ten seconds in milliseconds are
 SAMPLE = 200  # frames examined for the width
 
 
@@ -40,6 +41,18 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
             f"{source}: features about {width:.2g} m apart, all in one place?, "
             f"expected metres and a body of at least {NARROWEST:g} m"
         )
+
+
+def doubted_times(tracks: FeatureTracks) -> str | None:
+    """What to say of a recording of hours without an orbit, in a line: it is likely one of seconds in milliseconds.
+
+    None of one whose times are UTC, or which is shorter.
+    """
+    lasts = float(tracks.time[-1] - tracks.time[0])
+    if tracks.epoch is not None or lasts <= LONG:
+        return None
+    step = float(np.median(np.diff(tracks.time)))
+    return f"it lasts {lasts:.0f} s, a frame every {step:g} s: times in milliseconds? Seconds are expected"
 
 
 def width_of(tracks: FeatureTracks) -> float | None:

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, refuse_unmarkable, writable
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.plausibility import refuse_implausible
+from baryscope.estimator.plausibility import doubted_times, refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
@@ -95,6 +95,8 @@ def estimate_file(
             if features is not None:
                 data = named_features(data, features, "--features", LEAST_FEATURES)
             refuse_implausible(data, str(tracks))
+            if frames.orbit is None and (doubt := doubted_times(data)) is not None:
+                show.remark(f"{tracks}: {doubt}")
             known = frames.read(data)
             if output.suffix in MARKER_FORMS:
                 refuse_unmarkable(recorded, output)

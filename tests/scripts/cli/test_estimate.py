@@ -69,6 +69,19 @@ def test_labels_with_commas_stand_in_quotes(tracks, tmp_path, capsys):
     assert """found 'F0', expected some of "F0, upper", "a ""lower"", one", F2""" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("scale", "told"), [(1.0, False), (1e3, True)])
+def test_times_in_milliseconds_are_doubted(tracks, tmp_path, capsys, scale, told):
+    """A minute is none: of a thousand it is said, in the line of the file; and of UTC and on an orbit it is right."""
+    read = FeatureTracks.read_csv(tracks)
+    path = tmp_path / "timed.csv"
+    FeatureTracks(scale * read.time, read.position, read.labels).write_csv(path)
+    app.main(["estimate", str(path), "--trajectory", "fixed", "--no-report"])
+    assert ("timed.csv: it lasts" in capsys.readouterr().err) == told
+    FeatureTracks(scale * read.time, read.position, read.labels, epoch="2030-01-01T00:00:00Z").write_csv(path)
+    app.main(["estimate", str(path), "--trajectory", "fixed", "--no-report"])
+    assert "it lasts" not in capsys.readouterr().err
+
+
 def test_tracks_in_millimetres_and_in_another_form(tracks, tmp_path, capsys):
     """The same estimate to rounding, in metres."""
     rows = polars.read_csv(tracks).with_columns(polars.col("x", "y", "z") * 1e3)
