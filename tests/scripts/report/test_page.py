@@ -227,6 +227,16 @@ def test_light_and_dark_and_print(page, tmp_path):
     assert page.call("Page.printToPDF")["data"].startswith("JVBER")  # %PDF in base 64
 
 
+def test_no_heading_stays_behind_at_the_foot_of_a_page(page):
+    """What stands before a part's picture goes with it, tab's name and all: of compare it was alone, a page before."""
+    page.call("Page.printToPDF")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    breaks = "[...document.querySelectorAll('main h2, main h3, main .about, .only-paper')]"
+    assert page.value(f"{breaks}.length") > 10
+    assert page.value(f"[...new Set({breaks}.map((one) => getComputedStyle(one).breakAfter))]") == ["avoid"]
+    page.call("Emulation.setEmulatedMedia", media="")
+
+
 def test_paper_has_the_parts_of_every_tab(page):
     """Also of those that were never opened, each under its name; the screen has one at a time again."""
     page.open(Path(page.value("decodeURI(location.pathname)")))
