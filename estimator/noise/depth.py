@@ -17,7 +17,7 @@ places do, if the frames follow one another so closely that a cubic polynomial i
 left, a fourth divided difference, is noise. Less the mean of all features it is their own, without what moves a frame
 as a whole, as a pivot that slips or a camera that shakes. If frames do not follow so closely, such a ρ is the least
 that it may be, and tells nothing below 1. Where depths turn connections so far that none is along the line of sight,
-any great ρ is as likely as any greater: of these it is that one deviation below, if it is certain that it is great.
+any great ρ is as likely as any greater: of these it is that one deviation below, if no chance makes it great.
 
 A camera's depths are noisier, if by how much is not told; so two deviations are enough for such a ratio. What is then
 by chance is near 1 where tracks tell much; where they tell little, as three features far away, noise that passes for
@@ -295,7 +295,7 @@ class _Ratio:
         log_ratio = best.log_ratio
         if log_ratio == GREATEST:
             sure, log_ratio = (
-                _least(lengths, best, deviations * np.sqrt(dependence), of_rig=of_rig) for deviations in (CHANCE, 1.0)
+                _least(lengths, best, deviations * np.sqrt(dependence), of_rig=of_rig) for deviations in (chance, 1.0)
             )
             if sure < 2 * np.log(TELLING):
                 return cls(None, tells=False)
