@@ -4,8 +4,13 @@ The frames are taken in blocks of equal size. In each, a quantile over the pairs
 |d − d₀| tells the noise, d₀ the pair's typical distance: single features that are off in a block, and single frames,
 tell nothing. The logarithms of the blocks' deviations are cut in two where their means differ most, and the parts in
 turn, as long as the difference is large, and no chance for blocks that hang together as these do.
+
+Few frames of few features have distances that scatter much from block to block. The residuals of an estimate scatter
+less, but a path or a body that does not fit changes them, too. So where distances tell no change, residuals may tell
+where one is, if the distances in the parts differ by as much.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,6 +22,7 @@ from baryscope.estimator.registration.screening import distances_between
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 BLOCKS, LEAST_BLOCK = 48, 6  # of a recording at most, and frames of one at least
 LEAST_BLOCKS = 3  # of a part
@@ -36,28 +42,59 @@ class Part:
     deviation: float
 
 
-def noise_parts(position: FloatArray, seen: BoolArray) -> tuple[Part, ...]:
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """What an estimate of rigid bodies leaves of a frame's observations, without those that it rejects.
+
+    squares (n,): of the residuals, m²; freedom (n,): of so many values beside those that the frame's pose takes.
+    """
+
+    squares: FloatArray
+    freedom: FloatArray
+
+    def deviation(self, frames: IntArray) -> float:
+        """That of a coordinate in some frames, m."""
+        return float(np.sqrt(self.squares[frames].sum() / self.freedom[frames].sum()))
+
+
+def noise_parts(position: FloatArray, seen: BoolArray, misfit: Misfit | None = None) -> tuple[Part, ...]:
     """The parts of the frames of positions (n, m, 3) in m with noise of their own, at least two; none if it is alike.
 
-    seen (n, m). There are none either where distances change by more than noise could.
+    seen (n, m); misfit: of an estimate, which is asked where distances show no change. There are none either where
+    distances change by more than noise could.
     """
     distances = distances_between(position, seen)
     off = np.abs(distances.off)
-    shown = np.flatnonzero(np.isfinite(off).sum(axis=1) > 0)
-    count = min(BLOCKS, len(shown) // LEAST_BLOCK)
-    if off.shape[1] < LEAST_PAIRS or count < 2 * LEAST_BLOCKS:
+    if off.shape[1] < LEAST_PAIRS:
         return ()
-    blocks = np.array_split(shown, count)
-    quiet = np.array([_deviation(off[rows], QUIETER) for rows in blocks])
-    if not (quiet > 0).all():
+    by_distances = _begins(np.isfinite(off).sum(axis=1) > 0, lambda rows: _deviation(off[rows], QUIETER))
+    begins = by_distances
+    if misfit is not None and not begins:
+        begins = _begins(misfit.freedom > 0, misfit.deviation)
+    ends = [0, *begins, len(position)]
+    if not begins or not all(np.isfinite(off[a:b]).any() for a, b in pairwise(ends)):
         return ()
-    cuts = _cuts(np.log(quiet))
-    if not cuts:
-        return ()
-    ends = [0, *(int(blocks[cut][0]) for cut in cuts), len(position)]
     parts = tuple(Part(a, b, _deviation(off[a:b], 0.5)) for a, b in pairwise(ends))
+    if not by_distances and min(_ratio(a, b) for a, b in pairwise(parts)) < RATIO:
+        return ()
     size = float(np.sqrt(np.mean(distances.typical**2)))
     return () if max(one.deviation for one in parts) > BODY * size else parts
+
+
+def _begins(shown: BoolArray, deviation: Callable[[IntArray], float]) -> list[int]:
+    """The frames with which the noise changes, ascending, of those that are shown (n,), by the deviation in blocks."""
+    frames = np.flatnonzero(shown)
+    count = min(BLOCKS, len(frames) // LEAST_BLOCK)
+    if count < 2 * LEAST_BLOCKS:
+        return []
+    blocks = np.array_split(frames, count)
+    deviations = np.array([deviation(rows) for rows in blocks])
+    return [int(blocks[cut][0]) for cut in _cuts(np.log(deviations))] if (deviations > 0).all() else []
+
+
+def _ratio(one: Part, other: Part) -> float:
+    """The deviation of the noisier of two parts over that of the other."""
+    return max(one.deviation, other.deviation) / max(min(one.deviation, other.deviation), np.finfo(float).tiny)
 
 
 def _deviation(off: FloatArray, quantile: float) -> float:

@@ -18,8 +18,9 @@ from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
 from baryscope.estimator.adjustment.lasting_errors import OF_A_POSE
 from baryscope.estimator.claims import widened
 from baryscope.estimator.findings import ChangingNoise, DepthNoise, Finding
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.noise.a_priori import with_credible_sigma
-from baryscope.estimator.noise.changes import Part, noise_parts
+from baryscope.estimator.noise.changes import Misfit, Part, noise_parts
 from baryscope.estimator.noise.depth import DepthRatio, depth_ratio, deviations, with_noisier_depths
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Widening
@@ -104,10 +105,18 @@ def _rejecting_parts(plain: Estimate, tracks: FeatureTracks) -> tuple[Part, ...]
     rejected = shown - (plain.used & ~plain.rejected).sum(axis=1)
     if rejected.sum() <= FEW * shown.sum():
         return ()
-    parts = noise_parts(tracks.position, tracks.seen)
+    parts = noise_parts(tracks.position, tracks.seen, _misfit(plain))
     shares = [_sum(rejected, part) / max(_sum(shown, part), 1.0) for part in parts]
     quietest = min(range(len(parts)), key=lambda index: parts[index].deviation, default=0)
     return parts if parts and max(shares) >= max(MANY, MORE * shares[quietest]) else ()
+
+
+def _misfit(plain: Estimate) -> Misfit:
+    """What an estimate leaves of the frames that have an attitude by more than as many features as this takes."""
+    kept = plain.used & ~plain.rejected & np.isfinite(plain.residuals[..., 0])
+    squares = np.where(kept, np.sum(plain.residuals**2, axis=2), 0.0)
+    count = kept.sum(axis=1)
+    return Misfit(squares.sum(axis=1), np.where(count >= FEWEST_POINTS, 3.0 * count - OF_A_POSE, 0.0))
 
 
 def _claimed(

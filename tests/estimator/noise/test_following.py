@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import ChangingNoise
-from baryscope.estimator.noise.changes import noise_parts
+from baryscope.estimator.noise.changes import Misfit, noise_parts
 from baryscope.estimator.result import Status
 
 CENTRE = np.array([0.3, -0.2, 1.1])
@@ -44,6 +44,45 @@ def test_skin_that_slides_after_rest_is_no_outlier(skin, still):
         error = found.position[0] - CENTRE
         squares.append(error @ np.linalg.solve(found.covariance[0], error))
     assert np.mean(squares) < 6
+
+
+def few_frames(seed, louder=4.0):
+    """Ten markers about a fixed centre, four of which are seen at a time, in 66 frames; noise of 0.3 mm, that grows to
+    `louder` times as much from 0.4 to 0.6 of the time.
+    """
+    rng, time = np.random.default_rng(seed), np.arange(66) / 6.0
+    axis = rng.normal(size=3)
+    first, second = np.outer(time, axis / np.linalg.norm(axis)), np.outer(0.7 * time, rng.normal(size=3))
+    R = (Rotation.from_rotvec(first) * Rotation.from_rotvec(second)).as_matrix()
+    points = 0.15 * rng.normal(size=(10, 3)) @ np.swapaxes(R, 1, 2)
+    growth = 1 + (louder - 1) * np.clip(time / time[-1] / 0.2 - 2, 0, 1)
+    position = CENTRE + points + OWN * growth[:, None, None] * rng.normal(size=(66, 10, 3))
+    nearest = np.argsort(points @ CENTRE, axis=1)
+    np.put_along_axis(position, nearest[:, 4:, None], np.nan, axis=1)
+    return FeatureTracks(time, position, tuple("abcdefghij"))
+
+
+def test_few_frames_tell_by_their_residuals_that_noise_changes():
+    """Distances tell it in 4 of 6 such tracks. The path of the others did not fit, whose one noise was too small."""
+    squares = []
+    for seed in range(6):
+        found = estimate(few_frames(seed), options=FIXED)
+        assert found.status is Status.GOOD
+        (change,) = [one for one in found.findings if isinstance(one, ChangingNoise)]
+        assert change.deviations[:: len(change.deviations) - 1] == pytest.approx((OWN, 4 * OWN), rel=0.4)
+        error = found.position[0] - CENTRE
+        squares.append(error @ np.linalg.solve(found.covariance[0], error))
+    assert np.mean(squares) < 3 + 3 * 1.0  # three deviations √(6/6) of the mean of six
+
+
+def test_residuals_alone_tell_no_change_of_noise():
+    """A path or a body that does not fit has greater residuals from some time on, but distances as before."""
+    tracks = few_frames(0, louder=1.0)
+    squares = np.where(np.arange(66) < 33, 9.0, 9.0 * 16) * OWN**2
+    assert noise_parts(tracks.position, tracks.seen, Misfit(squares, np.full(66, 9.0))) == ()
+    louder = few_frames(0)
+    first, second = noise_parts(louder.position, louder.seen, Misfit(squares, np.full(66, 9.0)))
+    assert first.end == second.begin == pytest.approx(33, abs=3)
 
 
 def test_noise_that_is_alike_is_left_as_it_is():
