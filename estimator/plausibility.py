@@ -46,12 +46,15 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
 def doubted_times(tracks: FeatureTracks) -> str | None:
     """What to say of a recording of hours without an orbit, in a line: it is likely one of seconds in milliseconds.
 
-    None of one whose times are UTC, or which is shorter.
+    None of one whose times are UTC, or which is shorter without its gaps.
     """
     lasts = float(tracks.time[-1] - tracks.time[0])
     if tracks.epoch is not None or lasts <= LONG:
         return None
-    step = float(np.median(np.diff(tracks.time)))
+    steps = np.diff(tracks.time)
+    step = float(np.median(steps))
+    if step * len(steps) <= LONG:
+        return None
     return f"it lasts {lasts:.0f} s, a frame every {step:g} s: times in milliseconds? Seconds are expected"
 
 
