@@ -19,10 +19,10 @@ def elements_of(state: FloatArray, mu: float) -> dict[str, float]:
     """
     r, v = state[:3], state[3:]
     distance = float(np.linalg.norm(r))
-    normal = _cross(r, v)
+    normal = np.cross(r, v)
     momentum = float(np.linalg.norm(normal))
     normal = normal / momentum
-    towards = _cross(v, normal * momentum) / mu - r / distance
+    towards = np.cross(v, normal * momentum) / mu - r / distance
     e = float(np.linalg.norm(towards))
     node = np.array([-normal[1], normal[0], 0.0])
     sine = float(np.linalg.norm(node))
@@ -38,12 +38,6 @@ def elements_of(state: FloatArray, mu: float) -> dict[str, float]:
     }
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The cross product of two vectors (3,); numpy's takes ten times as long for a single one."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
 def _angle(begin: FloatArray, end: FloatArray, axis: FloatArray) -> float:
     """From one unit vector to another about an axis normal to both, rad."""
-    return float(np.arctan2(_cross(begin, end) @ axis, begin @ end))
+    return float(np.arctan2(np.cross(begin, end) @ axis, begin @ end))
