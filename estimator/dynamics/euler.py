@@ -48,6 +48,13 @@ def rate_columns(gravity_gradient: bool) -> ColumnFunction:
 
 
 @cache
+def step_columns(gravity_gradient: bool) -> ColumnFunction:
+    """The function (x, size, constants) → x after a step without a further torque; x is (q, ω, true anomaly)."""
+    x, h, c = _symbols(gravity_gradient)
+    return ColumnFunction("step", [x, h, c], step(lambda here, _: _rates(here, c, gravity_gradient), x, h))
+
+
+@cache
 def advance(gravity_gradient: bool, forced: bool, count: int) -> ca.Function:
     """The function (x, sizes, constants) → states (size, count) after each of `count` steps.
 

@@ -85,6 +85,18 @@ class Rotation:
         )
 
     @property
+    def constants(self) -> FloatArray:
+        """The parameters of the equations: the inertia by columns (9,), then the orbit's elements if there is one."""
+        of_inertia = self.inertia.T.ravel()
+        return of_inertia if self.orbit is None else np.concatenate([of_inertia, self.orbit.elements])
+
+    def true_anomaly(self, time: FloatArray) -> FloatArray:
+        """At times (n,) in s, rad; zero without an orbit."""
+        if self.orbit is None:
+            return np.zeros(len(time))
+        return np.asarray(anomaly_function()(time[None], self.orbit.elements)).ravel()
+
+    @property
     def possible(self) -> bool:
         """Whether the inertia is positive definite, with least moment not below a rod's 27 times as long as thick."""
         return bool(np.linalg.eigvalsh(self.inertia)[0] > MIN_PRINCIPAL_MOMENT)
@@ -119,30 +131,24 @@ class Rotation:
 
     def try_at(self, time: FloatArray, node_angle: float = NODE_ANGLE) -> "Attitudes | None":
         """The same as `at`; None instead of an error. node_angle: from node to node, rad."""
-        nodes = self._nodes_around(time, node_angle) if self.reaches(time) else None
-        return nodes.between(time) if nodes is not None and nodes.finite else None
-
-    def motion_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Attitudes (n, 3, 3) and rates (n, 3) at times (n,) in s alone, for less; None instead of an error."""
-        nodes = self._nodes_around(time, NODE_ANGLE) if self.reaches(time) else None
-        return nodes.motion(time) if nodes is not None and nodes.followed else None
+        if not self.reaches(time):
+            return None
+        span = float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch))
+        nodes = _nodes(self, *span, self._longest_step(node_angle))
+        return nodes.between(time) if nodes.finite else None
 
     def transition(self, start: "Attitudes", end: "Attitudes") -> FloatArray:
         """Φ (n, 6, 6) of attitude (a rotation vector) and rate, both in B, from n states to later or earlier ones.
 
         By one step each, of at most `longest_step`. A torque of modes is not among what changes.
         """
-        anomaly = _true_anomaly(self, start.time)
+        anomaly = self.true_anomaly(start.time)
         states = np.vstack([quaternion_from_matrix(start.attitude).T, start.rate.T, anomaly])
         step = sensitivity_step(self.orbit is not None, forced=False)
-        found = step(states, (end.time - start.time)[None], _constants(self))[:, :, :6]
+        found = step(states, (end.time - start.time)[None], self.constants)[:, :, :6]
         found[:, :, :3] = found[:, :, :3] @ start.attitude
         found[:, :3] = np.swapaxes(end.attitude, 1, 2) @ found[:, :3]
         return found
-
-    def _nodes_around(self, time: FloatArray, node_angle: float) -> "_Nodes":
-        span = float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch))
-        return _nodes(self, *span, self._longest_step(node_angle))
 
 
 def too_long(rate: float, span: float) -> ComputationError:
@@ -212,8 +218,7 @@ class Attitudes:
 @dataclass(frozen=True, eq=False)
 class _Nodes:
     time: FloatArray  # (k,) in s, evenly spaced, ascending
-    quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
-    rate: FloatArray  # (k, 3)
+    states: FloatArray  # (k, 7), see `motion_between`
     acceleration: FloatArray  # (k, 3)
     size: int  # number of unknowns
     sensing: Callable[[], FloatArray]  # what makes `sensitivity`
@@ -224,35 +229,22 @@ class _Nodes:
         return self.sensing()
 
     @property
-    def followed(self) -> bool:
-        """Whether the integration of the motion, which begins within, has not diverged."""
-        return bool(np.isfinite(self.quaternion[[0, -1]]).all())
-
-    @property
     def finite(self) -> bool:
-        """Whether neither it nor the sensitivity has."""
-        return self.followed and bool(np.isfinite(self.sensitivity[[0, 1, -2, -1]]).all())
+        """Whether the integration of the motion, which begins within, has not diverged, nor the sensitivity."""
+        ends = np.isfinite(self.states[[0, -1]]).all()
+        return bool(ends and np.isfinite(self.sensitivity[[0, 1, -2, -1]]).all())
 
     def between(self, time: FloatArray) -> Attitudes:
-        return Attitudes(time, *self.motion(time), self.size, self)
-
-    def motion(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Attitudes (n, 3, 3) and rates (n, 3)."""
-        h = self.time[1] - self.time[0]
-        left, s = self._locate(time)
-        q, q1, q2 = _quaternion_derivatives(self.quaternion, self.rate, self.acceleration)
-        quaternion = quintic(s, left, q, h * q1, h * h * q2)
-        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-        return matrix_from_quaternion(quaternion), cubic(s, left, self.rate, h * self.acceleration)
+        return Attitudes(time, *motion_between(self.time, self.states, self.acceleration, time), self.size, self)
 
     def turn_at(self, time: FloatArray) -> FloatArray:
         """The rotation's Jacobian (n, 3, size) in C."""
-        left, s = self._locate(time)
+        left, s = _located(self.time, time)
         return self._combined(left, cubic_weights(s))
 
     def turn_rate_at(self, time: FloatArray) -> FloatArray:
         """The derivative (n, 3, size) of that by time."""
-        left, s = self._locate(time)
+        left, s = _located(self.time, time)
         return self._combined(left, cubic_slope_weights(s) / (self.time[1] - self.time[0]))
 
     def _combined(self, left: NDArray[np.intp], weights: FloatArray) -> FloatArray:
@@ -263,20 +255,34 @@ class _Nodes:
         sparse = csr_array((weights.ravel(), places.ravel(), np.arange(0, 4 * n + 1, 4)), (n, len(self.sensitivity)))
         return np.asarray(sparse @ self.sensitivity).reshape(n, 3, -1)
 
-    def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""
-        h = self.time[1] - self.time[0]
-        left = np.clip(((time - self.time[0]) / h).astype(np.intp), 0, len(self.time) - 2)
-        return left, (time - self.time[left]) / h
+
+def motion_between(
+    nodes: FloatArray, states: FloatArray, acceleration: FloatArray, time: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Attitudes (n, ..., 3, 3) R_C_B and rates (n, ..., 3) at times (n,) in s, from those at nodes.
+
+    nodes (k,) in s, evenly spaced; states (k, ..., 7): quaternions R_C_B, scalar first, without jumps of sign, and
+    rates in rad/s in B, of any bodies; acceleration (k, ..., 3): ω̇, rad/s².
+    """
+    h, bodies = nodes[1] - nodes[0], states.shape[1:-1]
+    left, s = _located(nodes, time)
+    q, rate, change = states[..., :4].reshape(-1, 4), states[..., 4:].reshape(-1, 3), acceleration.reshape(-1, 3)
+    first = 0.5 * quaternion_times_vector(q, rate)  # q̇ = ½ q ⊗ ω
+    second = (
+        0.5 * quaternion_times_vector(q, change) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
+    )  # q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q
+    q, first, second, rate, change = (one.reshape(len(nodes), -1) for one in (q, first, second, rate, change))
+    quaternion = quintic(s, left, q, h * first, h * h * second).reshape(-1, 4)
+    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+    rates = cubic(s, left, rate, h * change)
+    return matrix_from_quaternion(quaternion).reshape(len(time), *bodies, 3, 3), rates.reshape(len(time), *bodies, 3)
 
 
-def _quaternion_derivatives(
-    q: FloatArray, rate: FloatArray, acceleration: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """q, q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q."""
-    first = 0.5 * quaternion_times_vector(q, rate)
-    second = 0.5 * quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
-    return q, first, second
+def _located(nodes: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""
+    h = nodes[1] - nodes[0]
+    left = np.clip(((time - nodes[0]) / h).astype(np.intp), 0, len(nodes) - 2)
+    return left, (time - nodes[left]) / h
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -290,7 +296,7 @@ def _nodes(start: Rotation, begin: float, end: float, longest: float) -> _Nodes:
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
     time = start.epoch + h * np.arange(-before, after + 1, dtype=np.float64)
-    constants, gravity_gradient, torque = _constants(start), start.orbit is not None, start.torque
+    constants, gravity_gradient, torque = start.constants, start.orbit is not None, start.torque
     # Of the steps in the direction of integration, those back in time first.
     begins = np.concatenate([time[before:0:-1], time[before:-1]])
     sizes = np.repeat([-h, h], [before, after])
@@ -315,7 +321,7 @@ def _nodes(start: Rotation, begin: float, end: float, longest: float) -> _Nodes:
         sensitivity[:, 3:] = h * matrix_from_quaternion(states[:4].T) @ sensitivity[:, 3:]
         return sensitivity.reshape(2 * len(time), 3 * start.size)
 
-    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, start.size, sensing)
+    return _Nodes(time, states[:7].T, acceleration, start.size, sensing)
 
 
 def _highest_rate(start: Rotation) -> float:
@@ -343,7 +349,7 @@ def _integrate(
     inputs: sizes (1, steps) in s and, with a torque, accelerations (FORCED, steps); the first `before` go back in time.
     """
     forced, parts = len(inputs) > 1, (slice(0, before), slice(before, None))
-    attitude, anomaly = quaternion_from_matrix(start.attitude[None])[0], _true_anomaly(start, np.array([start.epoch]))
+    attitude, anomaly = quaternion_from_matrix(start.attitude[None])[0], start.true_anomaly(np.array([start.epoch]))
     if start.orbit is not None:
         first = np.concatenate([attitude, start.rate, anomaly])
         back, forth = (_walk((True, forced), first, [one[:, p] for one in inputs], constants) for p in parts)
@@ -384,17 +390,3 @@ def _chain(sensitivity: FloatArray, steps: FloatArray, modes: FloatArray | None)
     for before, step, after in zip(sensitivity, moved, sensitivity[1:], strict=False):
         np.matmul(step, before, out=more)
         after += more
-
-
-def _constants(start: Rotation) -> FloatArray:
-    """The parameters of the equations: the inertia by columns (9,), and the orbit's elements if there is a torque."""
-    if start.orbit is None:
-        return start.inertia.T.ravel()
-    return np.concatenate([start.inertia.T.ravel(), start.orbit.elements])
-
-
-def _true_anomaly(start: Rotation, time: FloatArray) -> FloatArray:
-    """At times (n,) in s, rad; zero without an orbit."""
-    if start.orbit is None:
-        return np.zeros(len(time))
-    return np.asarray(anomaly_function()(time[None], start.orbit.elements)).ravel()
