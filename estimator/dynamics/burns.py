@@ -28,6 +28,7 @@ UNKNOWNS = 5  # of a burn: the change of velocity, its middle and its duration
 SHORTEST = 1e-3  # s, of a burn's duration
 SHORTENED = 4.0  # times, at once
 SETTLED = 0.1  # change of a time, over its deviation
+HELD = 0.1  # of an untold duration's deviation: that of a prior which holds it
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,8 @@ class Burn:
 
     begin, end in s; change (3,) of the chaser's velocity in LVLH (in C without an orbit), m/s; deviation of the prior
     of each of its components about zero, m/s; slack: standard deviations of the prior of its middle and of its
-    duration about those of begin … end, s.
+    duration about those of begin … end, s; untold: the standard deviation of a duration that the tracks hardly tell,
+    s, at whose mean it is held, see `untold_durations`; 0: it is told.
     """
 
     begin: float
@@ -44,6 +46,7 @@ class Burn:
     change: FloatArray
     deviation: float
     slack: tuple[float, float]
+    untold: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -98,7 +101,10 @@ class BurnedPath(ExtendedPath):
     @property
     def variances(self) -> FloatArray:
         """The variances (5 k,) of the prior of the burns' unknowns, m²."""
-        deviations = np.array([[burn.deviation] * 3 + list(burn.slack) for burn in self.burns])
+        held = [(burn.slack[0], HELD * burn.untold or burn.slack[1]) for burn in self.burns]
+        deviations = np.array(
+            [[burn.deviation] * 3 + list(slack) for burn, slack in zip(self.burns, held, strict=True)]
+        )
         return np.asarray((self._units * deviations).ravel() ** 2)
 
     @property
@@ -180,6 +186,7 @@ class BurnedPath(ExtendedPath):
         found = []
         for index, burn in enumerate(self.burns):
             part = covariance[UNKNOWNS * index : UNKNOWNS * (index + 1), UNKNOWNS * index : UNKNOWNS * (index + 1)]
+            part[4, 4] = max(part[4, 4], burn.untold**2)
             by = np.array([[1.0, -0.5], [1.0, 0.5]])
             begin, end = (by @ values[index, 3:]).tolist()
             first_deviation, last_deviation = np.sqrt(np.maximum(np.diag(by @ part[3:, 3:] @ by.T), 0.0)).tolist()
@@ -187,6 +194,15 @@ class BurnedPath(ExtendedPath):
             begin, end = middle - length / 2, middle + length / 2
             found.append(FoundBurn(begin, first_deviation, end, last_deviation, values[index, :3], part[:3, :3]))
         return tuple(found)
+
+    def untold(self, of_x: FloatArray, first: int) -> FloatArray:
+        """See `untold_durations`; `first` as in `found`."""
+        columns = np.zeros((len(of_x), len(self.burns)))
+        for index, burn in enumerate(self.burns):
+            at = first + UNKNOWNS * index + UNKNOWNS - 1
+            missing = (burn.untold * self._units[index, -1]) ** 2 - of_x[at, at]
+            columns[at, index] = np.sqrt(max(missing, 0.0)) / of_x[at, at]
+        return columns[:, columns.any(axis=0)]
 
     @cached_property
     def _units(self) -> FloatArray:
@@ -225,3 +241,14 @@ def burns_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[FoundBurn, ..
     """The burns on a path, from its x (p,) and the covariance (p, p)."""
     burned = burned_in(path)
     return () if burned is None else burned.found(x, of_x, burned.base.size)
+
+
+def untold_durations(path: Path, of_x: FloatArray) -> FloatArray:
+    """The gradients G (p, k) of half the cost that burns of untold durations exert on x, in units of its information.
+
+    of_x (p, p): a covariance of x, in which these durations are held at their means. It grows by the square of
+    of_x @ G, so that of the durations it is then as wide as they are untold, and with them what depends on them. The
+    path bends by a duration, the more so the shorter it is: linearised about the mean it would be told too well.
+    """
+    burned = burned_in(path)
+    return np.zeros((len(of_x), 0)) if burned is None else burned.untold(of_x, burned.base.size)

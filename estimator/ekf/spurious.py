@@ -1,10 +1,13 @@
-"""Spurious information of `ekf` on the centre of mass, and products of errors, see `adjustment.spurious`."""
+"""What `ekf` does not know: spurious information on the centre of mass, see `adjustment.spurious`, products of errors,
+and untold durations of burns.
+"""
 
 import numpy as np
 
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
+from baryscope.estimator.dynamics.burns import untold_durations
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
-from baryscope.estimator.ekf.linearised import Linearised
+from baryscope.estimator.ekf.linearised import INERTIA, Linearised
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -57,13 +60,17 @@ def spurious_growth(
 def growth(
     found: Passes, solution: Solution, system: Linearised, features: IntArray, products: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What the covariances grow by: by spurious information on some features' offset, and by products of errors.
+    """What the covariances grow by: by spurious information on some features' offset, by products of errors, and by
+    untold durations of burns.
 
     products (q, k): see `products.product_gradient`. Returns columns as `spurious_growth`.
     """
     _, attached, least = attached_offset(found, features)
     of_offset, of_states, of_theta = spurious_growth(solution, system, found.last.variance, attached, least)
-    pull = -products / found.last.variance
+    own = slice(INERTIA, INERTIA + found.problem.path.size)
+    durations = untold_durations(found.problem.path, solution.of_theta[own, own])
+    pull = np.concatenate([-products / found.last.variance, np.zeros((len(products), durations.shape[1]))], axis=1)
+    pull[own, products.shape[1] :] = durations
     of_offset = np.concatenate([of_offset, attached @ (solution.of_theta[system.points] @ pull)], axis=1)
     of_states = np.concatenate([of_states, solution.crossed @ pull], axis=2)
     return of_offset, of_states, np.concatenate([of_theta, solution.of_theta @ pull], axis=1)

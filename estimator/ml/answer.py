@@ -21,6 +21,7 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
+from baryscope.estimator.dynamics.burns import untold_durations
 from baryscope.estimator.dynamics.extended_path import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
@@ -192,6 +193,10 @@ def _covariances(
     # Directions that are not observed answer to no gradient; the deviation that they are given is none of theirs.
     observed = variance * _covariance_of_unknowns(best, 0.0, variance)
     moved, points = product_errors(best, turn, observed, spread, min(offsets, key=np.trace))
+    size = best.rotation.size
+    by_burns = observed[:, size:] @ untold_durations(best.path, observed[size:, size:])
+    moved = np.concatenate([moved, by_burns], axis=1)
+    points = np.concatenate([points, -best.equations.by_unknowns @ by_burns], axis=1)
     for index, features in enumerate(clusters):
         attached = offset_by_points(best.equations.points[features])
         own = attached @ points[(3 * features[:, None] + np.arange(3)).ravel()]

@@ -14,6 +14,7 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     untold_decrease,
 )
+from baryscope.estimator.dynamics.burns import untold_durations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.gauge import are_in_line
@@ -59,7 +60,13 @@ class JointCovariance:
 
 
 def without_spurious_information(found: PivotSolution) -> JointCovariance:
-    """The joint covariance of a solution without spurious information.
+    """The joint covariance of a solution without spurious information, with burns of untold durations."""
+    whole = _without_spurious(found)
+    return whole.grown(whole.matrix[:, 3 * whole.bodies :] @ untold_durations(found.path, whole.of_x))
+
+
+def _without_spurious(found: PivotSolution) -> JointCovariance:
+    """The same, but with untold durations held.
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
     information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, as far as it is known; what remains

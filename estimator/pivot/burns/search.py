@@ -91,7 +91,7 @@ def _total(equations: BurnEquations, fit: BurnFit) -> float:
 
 
 def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
-    """The fit about the mean durations, and with the deviations of these, where the tracks hardly tell them.
+    """The fit about the mean durations, which are held there with their deviations, where the tracks hardly tell them.
 
     The path is not linear in a duration that may be near zero, or that lies in a time without frames. The mean is
     that over the likelihood of a range of durations, with all else at its maximum but for the noise.
@@ -115,8 +115,8 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
         weight /= weight.sum()
         mean = float(weight @ durations)
         spread = float(np.sqrt(weight @ (durations - mean) ** 2))
-        slack = (flat[0], max(spread, step))
-        burns[index] = replace(burn, begin=middle - mean / 2, end=middle + mean / 2, slack=slack)
+        about = {"begin": middle - mean / 2, "end": middle + mean / 2}
+        burns[index] = replace(burn, **about, slack=flat, untold=max(spread, step))
     return equations.fitted(tuple(burns), fit.variance, 1, bend=fit.bend, near=fit.theta)
 
 

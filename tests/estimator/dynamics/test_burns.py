@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.burns import Burn, BurnedPath, burns_of
+from baryscope.estimator.dynamics.burns import Burn, BurnedPath, burns_of, untold_durations
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from burning import path_with_burns
 from synthetic import Orbit
@@ -87,3 +87,25 @@ def test_times_settle_within_the_tracks():
     assert still
     assert (same[0].begin, same[0].end) == (1.0, 3.0)
     assert replace(same[0], end=4.0).duration == 3.0
+
+
+def test_untold_durations_are_as_wide_as_told_so_and_nothing_else_is_where_it_does_not_depend_on_them():
+    """A second burn with a deviation of 4 s, held with a tenth of it, among unknowns that depend on one another."""
+    path = burned(BURNS)
+    path = replace(path, burns=(path.burns[0], replace(path.burns[1], untold=4.0)))
+    duration, alone = 6 + 5 + 4, 7
+    root = np.random.default_rng(1).standard_normal((path.size, path.size))
+    root[[alone]], root[:, alone] = 0.0, 0.0
+    root[alone, alone] = 1.0
+    assert np.sqrt(path.variances[9]) == pytest.approx(0.4 * path.burns[1].speed)
+    known = np.r_[np.zeros(6), 1 / path.variances]
+    of_x = np.linalg.inv(np.linalg.inv(root @ root.T) + np.diag(known))
+    column = of_x @ untold_durations(path, of_x)
+    grown = of_x + column @ column.T
+    assert np.sqrt(grown[duration, duration]) == pytest.approx(4.0 * path.burns[1].speed)
+    assert grown[alone, alone] == of_x[alone, alone]
+    # What depends on it does so as before: the regression on the duration is the same.
+    np.testing.assert_allclose(
+        grown[:, duration] / grown[duration, duration], of_x[:, duration] / of_x[duration, duration]
+    )
+    assert untold_durations(burned(BURNS), of_x).shape == (path.size, 0)
