@@ -14,6 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
+
+def _or_zero(condition: FloatArray, value: FloatArray, out: FloatArray) -> FloatArray:
+    """The value where the condition holds, whatever the value is elsewhere."""
+    out[...] = np.where(condition, value, 0.0)
+    return out
+
+
 OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
@@ -34,6 +41,10 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_COS: np.cos,
     ca.OP_ATAN2: np.arctan2,
     ca.OP_HYPOT: np.hypot,
+    ca.OP_LT: np.less,
+    ca.OP_OR: np.logical_or,
+    ca.OP_NOT: np.logical_not,
+    ca.OP_IF_ELSE_ZERO: _or_zero,
 }
 BLOCK = 16384  # points at a time: many for one call of NumPy, few for the processor's cache
 # Up to so many points CasADi is faster, as timeit on `relative_path` tells: NumPy needs time to begin an instruction.

@@ -1,8 +1,7 @@
 """screw-ls: the least-squares baseline. CasADi fits a screw to all features of each pair of frames.
 
 Unknowns of a pair: two small rotations of the axis, two shifts of the pole in the plane normal to it, the angle and the
-translation. Four damped Gauss–Newton steps (Levenberg–Marquardt) are one CasADi function, mapped over thousands of
-pairs, so that a run needs a few calls instead of one per frame.
+translation. A damped Gauss–Newton step (Levenberg–Marquardt) is one CasADi function, evaluated for all pairs at once.
 """
 
 from functools import cache
@@ -20,12 +19,11 @@ from baryscope.estimator.screws.screws import (
     Screws,
     screws_or_nan,
 )
+from baryscope.models.columns import ColumnFunction
 
 FloatArray = NDArray[np.float64]
 
-CHUNK = 2048  # pairs per mapped call
-STEPS_PER_CALL = 4  # of Gauss and Newton
-MAX_CALLS = 40  # most pairs converge after two or three; each call has only the others
+MAX_STEPS = 160  # most pairs converge after five or six; each step has only the others
 TOLERANCE = 1e-10  # of the last step, in rad and relative to the points' rms radius
 UNKNOWNS = 6
 
@@ -96,41 +94,19 @@ def _start(p: FloatArray, q: FloatArray, w: FloatArray) -> FloatArray:
 def _iterate(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """States and convergence of all pairs after damped Gauss–Newton steps; converged pairs leave the iteration."""
     converged = np.zeros(len(p), dtype=bool)
-    for _ in range(MAX_CALLS):
+    step, columns = _step_function(w.shape[1]), [one.reshape(len(p), -1).T for one in (p, q, w)]
+    for _ in range(MAX_STEPS):
         active = np.nonzero(~converged)[0]
         if not active.size:
             break
-        for part in np.array_split(active, -(-len(active) // CHUNK)):
-            new, last = _call(state[part], p[part], q[part], w[part])
-            state[part] = new
-            converged[part] = last < TOLERANCE
+        with np.errstate(all="ignore"):  # points that determine no screw may lead anywhere: they do not converge
+            new = step(state[active].T, *(one[:, active] for one in columns))
+        state[active], converged[active] = new[:, :9], new[:, 9] < TOLERANCE
     return state, converged
 
 
-def _call(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """States and last steps of up to CHUNK pairs after one call, padded to full chunks so that maps are reused."""
-    k, m = w.shape
-    size = CHUNK if k > CHUNK // 8 else CHUNK // 8
-    rows = np.resize(np.arange(k), size)
-    new, last = _mapped_steps(m, size)(
-        state[rows].T, p[rows].reshape(size, 3 * m).T, q[rows].reshape(size, 3 * m).T, w[rows].T
-    )
-    return np.array(new).T[:k], np.array(last).ravel()[:k]
-
-
 @cache
-def _mapped_steps(m: int, size: int) -> ca.Function:
-    step = _step_function(m)
-    state, last = ca.MX.sym("state", 9), ca.MX(1, 1)
-    p, q, w = ca.MX.sym("p", 3 * m), ca.MX.sym("q", 3 * m), ca.MX.sym("w", m)
-    new = state
-    for _ in range(STEPS_PER_CALL):
-        new, last = step(new, p, q, w)
-    return ca.Function("steps", [state, p, q, w], [new, last]).map(size)
-
-
-@cache
-def _step_function(m: int) -> ca.Function:
+def _step_function(m: int) -> ColumnFunction:
     """One Levenberg–Marquardt step: (state (9), p (3m), q (3m), w (m)) → (state, size of the step)."""
     state = ca.SX.sym("state", 9)
     p, q, w = ca.SX.sym("p", 3 * m), ca.SX.sym("q", 3 * m), ca.SX.sym("w", m)
@@ -151,7 +127,8 @@ def _step_function(m: int) -> ca.Function:
     moved = _moved(state, dx)
     kept = ca.vertcat(state[:8], damping * 10)
     taken = ca.vertcat(moved[:8], ca.fmax(damping / 10, 1e-15))
-    return ca.Function("step", [state, p, q, w], [ca.if_else(better, taken, kept), ca.if_else(better, size, 1.0)])
+    found = ca.vertcat(ca.if_else(better, taken, kept), ca.if_else(better, size, 1.0))
+    return ColumnFunction("step", [state, p, q, w], found)
 
 
 def _moved(state: ca.SX, x: ca.SX) -> ca.SX:

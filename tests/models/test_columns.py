@@ -10,7 +10,8 @@ A, B = ca.SX.sym("a"), ca.SX.sym("b", 2)
 ONE_OF_EACH = ca.vertcat(
     A + B[0], A - B[0], A * B[0], A / B[0], -A, 1 / A, A**2, 2 * A, ca.sqrt(A), ca.log(A), ca.fabs(B[1]), ca.sign(B[1]),
     ca.floor(B[1]), ca.sin(A), ca.cos(A), ca.atan2(B[1], A), ca.hypot(A, B[1]),
-    ca.fmin(A, B[1]), ca.fmax(A, B[1]),
+    ca.fmin(A, B[1]), ca.fmax(A, B[1]), B[1] > A, ca.logic_not(B[0] < A), ca.logic_or(B[0] > A, B[1] > A),
+    ca.if_else(B[0] < 0, B[1], A),
 )  # fmt: skip
 
 
@@ -47,6 +48,13 @@ def test_arguments_may_lie_in_memory_in_any_way_and_be_read_only():
 def test_an_infinite_or_missing_argument_has_a_result():
     found = ColumnFunction("quotient", [A, B], 1 / A + B[0])([[0.0, np.inf, np.nan]], [1.0, 2.0])
     np.testing.assert_array_equal(found, [[np.inf], [1], [np.nan]])
+
+
+@pytest.mark.parametrize("count", [2, FEW + 2])
+def test_what_is_not_chosen_may_be_infinite(count):
+    chosen = ColumnFunction("chosen", [A, B], ca.if_else(A < 2, B[0], B[1]))
+    found = chosen(np.arange(1.0, count + 1)[None], [5.0, np.inf])
+    np.testing.assert_array_equal(found[:, 0], [5.0, *[np.inf] * (count - 1)])
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK + 3])
