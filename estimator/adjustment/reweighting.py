@@ -98,15 +98,16 @@ def _two_gaussians(squares: FloatArray, dof: float, begin: float) -> tuple[float
     squares (k,): each the variance times χ² of dof degrees of freedom; begin: the inliers' variance at first.
     """
     inliers, outliers, share = begin, max(float(squares.mean()) / dof, FARTHER * begin), 0.1
-    gained = 0.0
     for _ in range(ROUNDS):
+        before = inliers, outliers, share
         odds = np.log(1 / share - 1) + dof / 2 * np.log(outliers / inliers) - squares * (1 / inliers - 1 / outliers) / 2
         wrong = 1 / (1 + np.exp(np.clip(odds, -50, 50)))
-        each = np.logaddexp(odds, 0.0) + np.log(share) - dof / 2 * np.log(outliers) - squares / (2 * outliers)
-        gained = 2 * float(each.sum()) + len(squares) * dof * (np.log(float(squares.mean()) / dof) + 1)
         share = min(float(wrong.mean()), LARGEST_SHARE)
         inliers = float((1 - wrong) @ squares) / max(dof * float((1 - wrong).sum()), 1e-300)
         outliers = max(float(wrong @ squares) / max(dof * float(wrong.sum()), 1e-300), FARTHER * inliers)
         if not (inliers > 0 and share > 0):
             return None
+    _, then, among = before  # what the odds are of
+    each = np.logaddexp(odds, 0.0) + np.log(among) - dof / 2 * np.log(then) - squares / (2 * then)
+    gained = 2 * float(each.sum()) + len(squares) * dof * (np.log(float(squares.mean()) / dof) + 1)
     return (inliers, outliers, 1 / share - 1) if gained > WORTH * np.log(len(squares)) else None
