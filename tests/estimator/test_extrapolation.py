@@ -1,5 +1,7 @@
 """What a result claims beyond the frames that show the path, where its law may not hold there."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -18,21 +20,26 @@ TIME = np.arange(0.0, 6000.0, 20.0)
 STATE = np.array([0.0, -20.0, 4.0, 3.0, -10.0, 4.0])
 ORBIT = Orbit(eccentricity=0.3, semi_major_axis=10_000e3, anomaly=2.5)
 SEEN = (2400.0, 6000.0)
+FEATURES = box_features(8, (10, 4, 4), 1)
+
+
+@cache
+def tumbling():
+    """The attitudes (n, 3, 3) of a torque-free body, which all tests but one have."""
+    return attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
 
 
 def tracks_of(com, seen):
     """Those of eight features, from the first to the last time in s."""
-    tumbling = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
     clusters = [(*seen, list(range(8)))]
-    return make_case(TIME, tumbling, com, box_features(8, (10, 4, 4), 1), noise=0.02, clusters=clusters, seed=3).tracks
+    return make_case(TIME, tumbling(), com, FEATURES, noise=0.02, clusters=clusters, seed=3).tracks
 
 
 def with_new_names(com):
     """Tracks whose features are seen from SEEN[0] on; before, three of them at a time, for three frames, under names
     that they have there only.
     """
-    R, points = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME), box_features(8, (10, 4, 4), 1)
-    whole = make_case(TIME, R, com, points, noise=0.02, seed=3).tracks
+    whole = make_case(TIME, tumbling(), com, FEATURES, noise=0.02, seed=3).tracks
     position = np.full((len(TIME), 8 + 120, 3), np.nan)
     position[SEEN[0] <= TIME, :8] = whole.position[SEEN[0] <= TIME]
     for group in range(40):
@@ -89,7 +96,7 @@ def test_a_curved_path_of_a_pure_spin_is_announced_across_the_axis():
     spinning = Rotation.from_rotvec(np.deg2rad(3.0) * TIME[:, None] * np.array([0.0, 0.6, 0.8])).as_matrix()
     for seen, announced in ((SEEN, 1), ((0.0, 6000.0), 0)):
         clusters = [(*seen, list(range(8)))]
-        case = make_case(TIME, spinning, com, box_features(8, (10, 4, 4), 1), noise=0.02, clusters=clusters, seed=3)
+        case = make_case(TIME, spinning, com, FEATURES, noise=0.02, clusters=clusters, seed=3)
         found, told = findings(case.tracks, options=smooth)
         assert len(told) == announced
         assert found.observability.observable.tolist() == [True, True, False]
