@@ -11,7 +11,7 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import verdict
 from baryscope.estimator.tracks import FeatureTracks
-from oracles import inertial_states, propagate_kepler
+from oracles import cross, inertial_states, propagate_kepler
 from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
 
 BOTH = pytest.mark.parametrize("method", ["pivot", "ml"])
@@ -63,8 +63,9 @@ def pushed(time, acceleration, axes, variation=0.0):
 
     def slope(_, s):
         r, v, to_chaser = s[:3], s[3:6], s[6:9]
-        up, normal = r / np.linalg.norm(r), np.cross(r, v) / np.linalg.norm(np.cross(r, v))
-        R_C_A = np.column_stack([up, np.cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
+        up, momentum = r / np.linalg.norm(r), cross(r, v)
+        normal = momentum / np.linalg.norm(momentum)
+        R_C_A = np.column_stack([up, cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
         falls = [-MU * one / np.linalg.norm(one) ** 3 for one in (r, to_chaser)]
         return np.concatenate([v, falls[0] + (1 + variation * up @ most) * R_C_A @ acceleration, s[9:], falls[1]])
 

@@ -9,7 +9,6 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.tracks import FeatureTracks
-from oracles import cross
 
 FloatArray = NDArray[np.float64]
 
@@ -20,19 +19,18 @@ MU = 3.986004418e14
 def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray, braking: float = 0.0) -> FloatArray:
     """R_I_B (n, 3, 3) of a body that starts with R_I_B = 1 and angular rate rate0 (rad/s, body axes).
 
-    It is torque-free but for −braking ω, N·m s/rad.
+    It is torque-free but for −braking ω, N·m s/rad. Of so few numbers Python's are faster than arrays.
     """
-
-    inverse = np.linalg.inv(inertia)
+    rows, inverse = inertia.tolist(), np.linalg.inv(inertia).tolist()
 
     def slope(_: float, state: FloatArray) -> FloatArray:
-        w, x, y, z = state[:4]
-        omega = state[4:]
-        p, q, r = omega
-        quaternion = 0.5 * np.array(
-            [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
-        )
-        return np.concatenate([quaternion, inverse @ (cross(inertia @ omega, omega) - braking * omega)])
+        w, x, y, z, p, q, r = state.tolist()
+        h = [a * p + b * q + c * r for a, b, c in rows]
+        k = h[1] * r - h[2] * q - braking * p
+        m = h[2] * p - h[0] * r - braking * q
+        n = h[0] * q - h[1] * p - braking * r
+        turning = -x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p
+        return np.array([*(0.5 * one for one in turning), *(a * k + b * m + c * n for a, b, c in inverse)])
 
     start = np.concatenate([[1.0, 0, 0, 0], rate0])
     solution = solve_ivp(

@@ -48,10 +48,10 @@ def integrated(J, rate, time):
         update={"inertia": tuple(map(tuple, J)), "attitude": (1.0, 0.0, 0.0, 0.0), "angular_rate_deg": np.rad2deg(rate)}
     )
     system = tumbling_target(len(scenario.features.points))
-    p = scenario.model_copy(update={"target": target}).flat_parameters()
+    p, u = ca.DM(scenario.model_copy(update={"target": target}).flat_parameters()), ca.DM.zeros(6)
     start = np.array(system.initial(p)).ravel()
     solution = solve_ivp(
-        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, time[-1]), start, "DOP853", time,
+        lambda _, x: np.array(system.rhs(x, u, p)).ravel(), (0, time[-1]), start, "DOP853", time,
         rtol=1e-13, atol=1e-14,
     )  # fmt: skip
     return solution.y[:4].T, solution.y[4:7].T

@@ -27,12 +27,12 @@ STARTS = [
 def flown(scenario, samples=25, misprint=False):
     """Times, CoM and its velocity in C over one orbit; with `misprint`, by the paper's (4) as it stands."""
     system = tumbling_target(len(scenario.features.points))
-    p = scenario.flat_parameters()
+    p, u = ca.DM(scenario.flat_parameters()), ca.DM.zeros(6)
     time = np.linspace(0, 60.0 if misprint else scenario.orbit.period, samples)
     elements = [ca.DM(value) for value in (scenario.orbit.semi_major_axis, scenario.orbit.eccentricity, MU)]
 
     def rates(_, x):
-        rate = np.array(system.rhs(x, np.zeros(6), p)).ravel()
+        rate = np.array(system.rhs(x, u, p)).ravel()
         if misprint:
             theta_dot = float(ca.evalf(conic(Ellipse.of(*elements), ca.DM(x[7])).anomaly_rate))
             rate[11:13] += (theta_dot - theta_dot**2) * x[8:10]

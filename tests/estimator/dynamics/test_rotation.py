@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.models.attitude import INERTIA_BASIS
-from oracles import TorqueFree, inertial_states
+from oracles import TorqueFree, cross, inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude
 
 # rad: a quintic over NODE_ANGLE has the error 2 (0.5/2)⁶/46080 = 1e-8 for a pure spin, some ten times that for a tumble
@@ -26,16 +26,17 @@ def angles(R, S):
 def integrated(inertia, attitude0, rate0, epoch, time, orbit=None):
     """R_C_B and ω at ascending times, all on one side of the epoch, with the gravity gradient if there is an orbit."""
     J = inertia / np.trace(inertia)
+    inverse = np.linalg.inv(J)
 
     def slope(_, state):
         R, w = state[:9].reshape(3, 3), state[9:12]
         r, v = state[12:15], state[15:]
         distance = np.linalg.norm(r)
         r_B = R.T @ r
-        torque = np.zeros(3) if orbit is None else 3 * MU / distance**5 * np.cross(r_B, J @ r_B)
+        torque = np.zeros(3) if orbit is None else 3 * MU / distance**5 * cross(r_B, J @ r_B)
         x, y, z = w
         spin = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        w_dot = np.linalg.solve(J, torque - np.cross(w, J @ w))
+        w_dot = inverse @ (torque - cross(w, J @ w))
         return np.concatenate([(R @ spin).ravel(), w_dot, v, -MU / distance**3 * r])
 
     r, v = (np.array([7e6, 0, 0]), np.array([0, 7.5e3, 0])) if orbit is None else orbit

@@ -63,9 +63,10 @@ def test_the_attitude_under_the_gravity_gradient(envisat, envisat_fmu, rate, ecc
     p = np.concatenate([np.ravel(values[v.name]) for v in system.variables if v.kind == "parameter"])
     x = np.array(system.initial(p)).ravel()
     duration = 2000.0
+    u, p = ca.DM.zeros(6), ca.DM(p)  # converted once
 
     def rates(_, x):
-        return np.array(system.rhs(x, np.zeros(6), p)).ravel()
+        return np.array(system.rhs(x, u, p)).ravel()
 
     expected = solve_ivp(rates, (0, duration), x, "DOP853", rtol=1e-12, atol=1e-15).y[:PLACE_START, -1]
     with Session(envisat_fmu, values) as session:

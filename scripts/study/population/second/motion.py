@@ -45,20 +45,17 @@ def tumble(
 ) -> tuple[FloatArray, FloatArray]:
     """Attitudes R_I_B (n, 3, 3) and rates (n, 3) in B, rad/s, of a free rigid body at ascending `times` (n,) in s.
 
-    inertia (3, 3) in B, in any unit; rate (3,) in B and quaternion (w, x, y, z) of R_I_B, both at `start`.
+    inertia (3, 3) in B, in any unit; rate (3,) in B and quaternion (w, x, y, z) of R_I_B, both at `start`. Of so few
+    numbers Python's are faster than arrays.
     """
-    inverse = np.linalg.inv(inertia)
+    rows, inverse = inertia.tolist(), np.linalg.inv(inertia).tolist()
 
     def slope(_: float, state: FloatArray) -> FloatArray:
-        w, x, y, z = state[:4]
-        p, q, r = state[4:]
-        angular = state[4:]
-        h = inertia @ angular
-        torque = np.array([h[1] * r - h[2] * q, h[2] * p - h[0] * r, h[0] * q - h[1] * p])  # −ω × h
-        change = 0.5 * np.array(
-            [-x * p - y * q - z * r, w * p + y * r - z * q, w * q - x * r + z * p, w * r + x * q - y * p]
-        )
-        return np.concatenate([change, inverse @ torque])
+        w, x, y, z, p, q, r = state.tolist()
+        h = [a * p + b * q + c * r for a, b, c in rows]
+        k, m, n = h[1] * r - h[2] * q, h[2] * p - h[0] * r, h[0] * q - h[1] * p  # −ω × h
+        change = -x * p - y * q - z * r, w * p + y * r - z * q, w * q - x * r + z * p, w * r + x * q - y * p
+        return np.array([*(one / 2 for one in change), *(a * k + b * m + c * n for a, b, c in inverse)])
 
     size = np.linalg.norm(rate)
     found = solve_ivp(
