@@ -361,12 +361,12 @@ def test_a_cache_that_cannot_be_written_is_ignored(tmp_path, monkeypatch):
     assert second == first
 
 
-def test_an_error_in_the_source_names_platform_and_place(cache):
+def test_an_error_in_the_source_names_platform_and_place():
     with pytest.raises(ComputationError, match=r"x86_64-windows: a\.c:1:1: error"):
         compile_all([job(X86_64_WINDOWS, b"nonsense;\n")])
 
 
-def test_compiler_warnings_are_repeated_by_every_build(cache):
+def test_compiler_warnings_are_repeated_by_every_build():
     source = b"int f(void) { int unused; return 1; }\n"
     for _ in range(2):
         with pytest.warns(UserWarning, match="unused"):
