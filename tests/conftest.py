@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 import baryscope.scripts.cli  # noqa: F401  first, since it says how many threads numpy may use
+from baryscope.estimator.online.core import MAIN as ALONE
 from baryscope.fmu import build_fmu
 from baryscope.fmu.generate.compiler import Job
 from baryscope.models.scenario import load_scenario
@@ -42,7 +43,8 @@ def own_cache(tmp_path_factory, testrun_uid):
     """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone.
 
     They are made sooner without optimisation; what users get is tested where units are built, without CFLAGS. The
-    online filter runs for minutes: what holds it gets the optimisations that pay, but for zig's, which run for seconds.
+    online filter runs for minutes: what holds it gets the optimisations that pay, most of all the library of it
+    alone, which is built once, but for zig's, which run for seconds.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -52,7 +54,8 @@ def own_cache(tmp_path_factory, testrun_uid):
     def steps(job):
         if os.environ.get("CFLAGS") != SOONER:
             return as_told(job)
-        told, level = (SOONER,), ("-O1",) if FILTER in job.sources else (SOONER,)
+        level = ("-O2" if job.main == ALONE else "-O1" if FILTER in job.sources else SOONER,)
+        told = (SOONER,)
         if job.by_zig:
             told, level = ("-O3",), ZIG_SOONER
         return [[new for word in step for new in (level if word in told else (word,))] for step in as_told(job)]
