@@ -6,6 +6,10 @@ once. OpenCV's `findTransformECC` interpolates linearly, and errs by a tenth of 
 
 A patch is always compared with that of the first sighting, so that errors don't add up from frame to frame: what is
 wrong about the first patch is the same in all frames, and moves the point on the body once.
+
+A plane in perspective is bent, too: p = A x / (1 + g·x) + centre. Fitted by an affine map, which averages better, its
+centre is off by some hundredths of a pixel that change with the angle of view, and alike for all patches of a facet.
+Where g is known, `Patches.straightened` takes that off.
 """
 
 from dataclasses import dataclass
@@ -21,6 +25,7 @@ Image = NDArray[np.uint8]
 
 HALF = 10  # px: a patch has 2 HALF + 1 rows and columns
 SIDE = 2 * HALF + 1
+MEAN_SQUARE = HALF * (HALF + 1) / 3  # px², of a patch's rows, and columns, from its centre
 SMOOTHING = 1.0  # px: finer texture than pixels can hold looks different at each place between them
 SMOOTHED = 1 / (4 * np.pi * SMOOTHING**2)  # of white noise, the share of its variance that is left
 STEP = 1 / 12  # variance of the rounding to whole numbers
@@ -108,7 +113,8 @@ class Found:
 @dataclass(frozen=True, eq=False)
 class Patches:
     """k patches: J (k, SIDE², 8); solver (k, 8, SIDE²), its pseudo-inverse; shape (k, 2, 2), the covariance of a shift,
-    px², by white noise of the pixels of variance 1 before they are smoothed.
+    px², by white noise of the pixels of variance 1 before they are smoothed; bend (k, 2, 2), px²: the shift for which
+    an affine registration takes a perspective g, px⁻¹.
 
     The columns of J: the derivatives by a shift (2), by shears and stretches (4), the patch, and one.
     """
@@ -116,6 +122,7 @@ class Patches:
     J: FloatArray
     solver: FloatArray
     shape: FloatArray
+    bend: FloatArray
 
     @classmethod
     def at(cls, surface: Surface, centre: FloatArray) -> Self:
@@ -129,15 +136,26 @@ class Patches:
         columns = [along_u, along_v, along_u * x, along_u * y, along_v * x, along_v * y, middle, one]
         J = np.stack(columns, axis=-1).reshape(-1, SIDE**2, 8).astype(np.float64)
         solver = np.linalg.pinv(np.swapaxes(J, 1, 2) @ J, hermitian=True) @ np.swapaxes(J, 1, 2)
-        return cls(J, solver, solver[:, :2] @ _smoothed_noise() @ np.swapaxes(solver[:, :2], 1, 2))
+        shape = solver[:, :2] @ _smoothed_noise() @ np.swapaxes(solver[:, :2], 1, 2)
+        place = np.stack([x.ravel(), y.ravel()], axis=1)
+        along = np.sum(J[:, :, :2] * place, axis=2, keepdims=True)
+        return cls(J, solver, shape, solver[:, :2] @ (along * place))
 
     def __getitem__(self, which: BoolArray) -> "Patches":
-        return Patches(self.J[which], self.solver[which], self.shape[which])
+        return Patches(self.J[which], self.solver[which], self.shape[which], self.bend[which])
 
     def joined(self, other: "Patches") -> "Patches":
         """These patches and others."""
-        pairs = ((self.J, other.J), (self.solver, other.solver), (self.shape, other.shape))
-        return Patches(*(np.concatenate(pair) for pair in pairs))
+        fields = ("J", "solver", "shape", "bend")
+        return Patches(*(np.concatenate([getattr(one, name) for one in (self, other)]) for name in fields))
+
+    def straightened(self, places: Places, perspective: FloatArray) -> FloatArray:
+        """The centres (k, 2) of patches that are found at places, without what perspectives g (k, 2), px⁻¹, do.
+
+        To first order I(A (x − x g·x) + c) is the patch. The affine map A x + c′ shows it at x + x g·x + A⁻¹ (c′ − c),
+        and the c′ for which that is nearest to the patch is c − A bend g.
+        """
+        return np.asarray(places.centre + (places.A @ self.bend @ perspective[..., None])[..., 0])
 
     def found(self, surface: Surface, expected: Places, coarsest: float) -> Found:
         """The patches in an image, near the places where they are expected; coarsest: deviation of a coordinate, px."""

@@ -1,4 +1,9 @@
-"""Features through a sequence of image pairs: detected, matched, followed, given up, and replaced by new ones."""
+"""Features through a sequence of image pairs: detected, matched, followed, given up, and replaced by new ones.
+
+The patch of a feature is in perspective, by an angle that changes with the view (`patches`). What the left image shows
+of it and what the right does tell how its surface leans: the disparity d of a plane is linear, and with its gradient
+e = ∇d / d in a frame, and e₀ in that of the first sighting, p = A x / (1 + g·x) with g = e₀ − Aᵀ e in either image.
+"""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -7,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.images.matching import ROW, across, corners, flow
-from baryscope.estimator.images.patches import Found, Patches, Places, Surface
+from baryscope.estimator.images.patches import MEAN_SQUARE, Found, Patches, Places, Surface
 from baryscope.estimator.images.rectify import Rectified
 from baryscope.estimator.images.rigid import BodyMap
 
@@ -19,6 +24,7 @@ MOST = 60  # features at a time
 COARSEST = 0.08  # px, standard deviation of a coordinate of a feature that is kept
 COARSEST_NEW = 0.04  # px, of a new one: those near the limit would be lost soon, and make room for others like them
 ROOM = 0.2  # of them: new ones are looked for where so many are missing
+LEANING = 1.0  # tangent, of a usual angle between a surface and the image
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +43,15 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Features (k,) that both images show, by their numbers, with their patches and places."""
+    """Features (k,) that both images show, by their numbers, with their patches and places; lean (k, 2): the gradient
+    of the disparity over it where they were first seen, px⁻¹.
+    """
 
     numbers: NDArray[np.intp]
     patches: Patches
     left: Found
     right: Found
+    lean: FloatArray
 
     @classmethod
     def of(
@@ -52,24 +61,46 @@ class _Pairs:
         surfaces: tuple[Surface, Surface],
         expected: tuple[Places, Places],
         shift: float,
+        lean: FloatArray,
         coarsest: float = COARSEST,
     ) -> Self:
         """The pairs of features that are found near their expected places, in rows that match, nearer than infinity.
 
-        shift: how much farther right than the left image the right one shows what is infinitely far, px.
+        shift: how much farther right than the left image the right one shows what is infinitely far, px; lean: as first
+        seen, see above.
         """
         left, right = (patches.found(*image, coarsest) for image in zip(surfaces, expected, strict=True))
         u, v = (left.places.centre - right.places.centre).T
-        return cls(numbers, patches, left, right)[left.there & right.there & (u > -shift) & (np.abs(v) <= ROW)]
+        near = left.there & right.there & (u > -shift) & (np.abs(v) <= ROW)
+        return cls(numbers, patches, left, right, lean)[near]
 
     def __getitem__(self, which: BoolArray) -> Self:
-        return type(self)(self.numbers[which], self.patches[which], self.left[which], self.right[which])
+        lean = self.lean[which]
+        return type(self)(self.numbers[which], self.patches[which], self.left[which], self.right[which], lean)
 
     def joined(self, other: "_Pairs") -> "_Pairs":
         """These and others."""
         numbers = np.concatenate([self.numbers, other.numbers])
         patches = self.patches.joined(other.patches)
-        return _Pairs(numbers, patches, self.left.joined(other.left), self.right.joined(other.right))
+        lean = np.concatenate([self.lean, other.lean])
+        return _Pairs(numbers, patches, self.left.joined(other.left), self.right.joined(other.right), lean)
+
+    def leaning(self, shift: float, focal_length: float) -> tuple[FloatArray, FloatArray]:
+        """The gradients (k, 2) of the disparity over it, px⁻¹, and their variance (k,) along either axis.
+
+        From the left image to the right one a patch is stretched along the row alone, by what the disparity changes
+        along it. The gradients are the likeliest of surfaces that lean by LEANING: far away, where the disparity is
+        small, hardly anything tells of them.
+
+        shift: as in `of`; focal_length: of the rectified images, px.
+        """
+        across = self.right.places.A @ np.linalg.inv(self.left.places.A)
+        disparity = self.left.places.centre[:, 0] - self.right.places.centre[:, 0] + shift
+        seen = (np.array([1.0, 0.0]) - across[:, 0]) / disparity[:, None]
+        noise = (self.left.covariance[:, 0, 0] + self.right.covariance[:, 0, 0]) / MEAN_SQUARE / disparity**2
+        usual = (LEANING / focal_length) ** 2
+        known = usual / (usual + noise)
+        return known[:, None] * seen, known * noise
 
 
 @dataclass(eq=False)
@@ -95,7 +126,7 @@ class Tracker:
         followed = self._followed(images, surfaces)
         new = self._new(images, surfaces, followed)
         self._before, pairs = images, new if followed is None else followed.joined(new)
-        position, covariance = self.rectified.points(*_pixels(pairs))
+        position, covariance = self.rectified.points(*_pixels(pairs, self.rectified))
         kept = ~self._body.strays(pairs.numbers.tolist(), position, covariance)
         self._pairs = pairs[kept]
         return Sightings(self._pairs.numbers, position[kept], covariance[kept], *_parallax(self._pairs))
@@ -110,7 +141,8 @@ class Tracker:
         seen = one & other
         expected = Places(left, before.left.places.A), Places(right, before.right.places.A)
         there = expected[0][seen], expected[1][seen]
-        return _Pairs.of(before.numbers[seen], before.patches[seen], surfaces, there, self.rectified.shift)
+        same = before.numbers[seen], before.patches[seen]
+        return _Pairs.of(*same, surfaces, there, self.rectified.shift, before.lean[seen])
 
     def _new(self, images: tuple[Image, Image], surfaces: tuple[Surface, Surface], followed: _Pairs | None) -> _Pairs:
         """New features, where there is room."""
@@ -123,18 +155,26 @@ class Tracker:
         left, right = np.array(places, dtype=np.float64).reshape(-1, 2, 2).swapaxes(0, 1)
         expected = Places.upright(left), Places.upright(right)
         patches = Patches.at(surfaces[0], left)
-        found = _Pairs.of(np.arange(len(left)), patches, surfaces, expected, shift, COARSEST_NEW)
+        unknown = np.zeros((len(left), 2))
+        found = _Pairs.of(np.arange(len(left)), patches, surfaces, expected, shift, unknown, COARSEST_NEW)
         first, self.numbered = self.numbered, self.numbered + len(found.numbers)
         # The left patch is the feature's own: the residuals, which are none, don't tell its noise.
         own = Found(found.left.places, found.right.covariance, found.left.there)
-        return _Pairs(np.arange(first, self.numbered), found.patches, own, found.right)
+        lean, _ = found.leaning(shift, self.rectified.focal_length)
+        return _Pairs(np.arange(first, self.numbered), found.patches, own, found.right, lean)
 
 
-def _pixels(pairs: _Pairs) -> tuple[FloatArray, FloatArray]:
-    """u and v in the left image and u in the right (k, 3), and their covariance (k, 3, 3)."""
+def _pixels(pairs: _Pairs, rectified: Rectified) -> tuple[FloatArray, FloatArray]:
+    """u and v in the left image and u in the right (k, 3), without perspective, and their covariance (k, 3, 3)."""
+    lean, variance = pairs.leaning(rectified.shift, rectified.focal_length)
+    A = pairs.left.places.A
+    perspective = pairs.lean - (np.swapaxes(A, 1, 2) @ lean[..., None])[..., 0]
+    left, right = (pairs.patches.straightened(found.places, perspective) for found in (pairs.left, pairs.right))
     noise = np.zeros((len(pairs.numbers), 3, 3))
     noise[:, :2, :2], noise[:, 2, 2] = pairs.left.covariance, pairs.right.covariance[:, 0, 0]
-    return np.column_stack([pairs.left.places.centre, pairs.right.places.centre[:, 0]]), noise
+    bent = (A @ pairs.patches.bend @ np.swapaxes(A, 1, 2))[:, [0, 1, 0]]  # that of both images, nearly
+    noise += variance[:, None, None] * bent @ np.swapaxes(bent, 1, 2)
+    return np.column_stack([left, right[:, 0]]), noise
 
 
 def _parallax(pairs: _Pairs) -> tuple[FloatArray, FloatArray]:
