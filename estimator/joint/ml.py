@@ -157,9 +157,11 @@ def own_power(pair: Pair, body: Body) -> FloatArray:
 
     What skin does to single markers lasts: much of it is at the low frequencies of the motion. What of it follows the
     motion turns the body as the motion does, and is in the slide that does: it feigns no information beside that.
+    Of second order in wrong attitudes that is all products of the angles.
     """
-    _, linear, squares = _of_motion(pair.relative)
-    functions = np.concatenate([linear, squares], axis=1)[:, : len(linear) // COEFFICIENTS_PER_FUNCTION]
+    angle, linear, _ = _of_motion(pair.relative)
+    functions = np.concatenate([linear, _orthogonal(_products(angle))], axis=1)
+    functions = functions[:, : len(linear) // COEFFICIENTS_PER_FUNCTION]
     basis = np.linalg.qr(transformed(functions))[0]
     own = transformed(np.swapaxes(body.rotation, 1, 2)[:, None] @ np.nan_to_num(body.residual)[..., None])
     own = own.reshape(len(own), -1)
