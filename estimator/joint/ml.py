@@ -6,7 +6,7 @@ of skin which keeps time with the gait: linearly on the angles in the axes of ei
 combination of angles, rates and their products, which are then of one size, as in a gait. The random coefficients of
 such a part show in directions that the centre cannot explain, and so tell how much it may have shifted the centre.
 Markers that follow the angles each by itself turn the attitudes wrong, by as much as their residuals tell: what that
-does to the slide in second order is one more combination, of products of the angles, of a size that is known.
+does to the slide, in first order as the angles and in second as their products, is of a size that is known.
 
 Only those frequencies are used at which the bodies turn by far more than their attitudes are noisy: others tell little,
 but look as if they did, as noise of the attitudes is correlated with that of the centroids.
@@ -22,7 +22,7 @@ from baryscope.estimator.adjustment.spurious import (
     farthest,
     spurious_information_columns,
 )
-from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
+from baryscope.estimator.geometry.so3 import cross_matrices, log_rotation, squared_cross
 from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Body, Pair
 from baryscope.estimator.joint.noise import Fit, band_variances, bands, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
@@ -61,7 +61,8 @@ def likeliest_slide(
     """The fit in the axes of parent or child, whichever are likelier; whether they are the child's; and, in T, the
     groups of functions (n, 3, q) of the motion that the slide may have.
 
-    known: functions of time (n, i) along the axes of parent and child by unit normal numbers, which it has besides.
+    known: functions of time (n, 3, q) along the axes of parent and child, each times a unit normal number, which it has
+    besides.
     """
     design, wanted = pair.equations
     kept = clear_coefficients(pair)
@@ -71,7 +72,7 @@ def likeliest_slide(
         back = np.swapaxes(axes, 1, 2)
         bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
         functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
-        sure = [_along(one, body) for one, body in zip(known, bodies, strict=False)]
+        sure = [body @ one for one, body in zip(known, bodies, strict=False)]
         moved = np.einsum("kij,kj->ki", back, wanted)
         fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest, sure))
         if len(fits) == 1 or fits[1].likelihood > fits[0].likelihood:
@@ -199,22 +200,45 @@ def _turns_with_motion(pair: Pair) -> list[FloatArray]:
     """The covariances (k, 3, 3), rad², of the attitudes of parent, if there is one, and child, each in its axes, by
     what of their markers' own errors is a function of the motion.
     """
-    bodies = [body for body in (pair.parent, pair.child) if body is not None]
-    locked = [max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0) for body in bodies]
-    return [body.attitude_noise(one) for body, one in zip(bodies, locked, strict=True)]
+    return [body.attitude_noise(with_motion(pair, body)) for body in (pair.parent, pair.child) if body is not None]
+
+
+def with_motion(pair: Pair, body: Body) -> float:
+    """The variance of what of the markers' own errors is a function of the motion, m² per coordinate."""
+    return max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0)
 
 
 def of_wrong_turns(pair: Pair) -> list[FloatArray]:
-    """Products of the joint's angles (n, 6), m, by one unit normal number of which along each axis of parent and child
-    the two sides slide as attitudes are wrong with the motion; of a room that is no body, 0.
+    """What the two sides slide by as markers follow the motion each by itself: functions of time (n, 3, q), m, along
+    the axes of parent and child, each times a unit normal number; of a room that is no body, none.
+
+    Products of the angles are of second order in how wrong attitudes are, see `bent_slides`. The angles themselves are
+    of first order, by δ × v at a lever v, and by what the mean of the markers moves.
     """
     design, wanted = pair.equations
     levers = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0].reshape(2, 3)
-    *parent, child = [float(np.trace(turn.mean(axis=0))) / 3 for turn in _turns_with_motion(pair)]
-    variances = bent_slides(np.array([parent[0] if parent else 0.0, child]), np.sum(levers**2, axis=1))
-    products = _products(angles(pair.relative))
-    size = np.sqrt(variances / max(float(np.sum(np.mean(products**2, axis=0))), 1e-300))
-    return [products * one for one in size]
+    *parent, child = [turn.mean(axis=0) for turn in _turns_with_motion(pair)]
+    turns = np.array([*(parent or [np.zeros((3, 3))]), child])
+    bent = bent_slides(np.trace(turns, axis1=1, axis2=2) / 3, np.sum(levers**2, axis=1))
+    angle = angles(pair.relative)
+    products, angle = _of_unit_size(_products(angle)), _of_unit_size(angle - angle.mean(axis=0))
+    found: list[FloatArray] = []
+    for body, lever, turn, of_bent in zip((pair.parent, pair.child), levers, turns, bent, strict=True):
+        if body is None:
+            found.append(np.zeros((*angle.shape, 0)))
+            continue
+        arm = cross_matrices(lever[None])[0]
+        of_mean = with_motion(pair, body) / float(body.weights.sum(axis=1).mean())
+        variances, axes = np.linalg.eigh(arm @ turn @ arm.T + of_mean * np.eye(3))
+        linear = axes * np.sqrt(np.maximum(variances, 0.0))
+        both = ((angle, linear), (products, np.sqrt(of_bent) * np.eye(3)))
+        found.append(np.concatenate([_along(one, np.tile(along, (len(angle), 1, 1))) for one, along in both], axis=2))
+    return found
+
+
+def _of_unit_size(functions: FloatArray) -> FloatArray:
+    """Functions of time (n, i), times what makes the sum of their mean squares 1, unless they are 0."""
+    return functions / np.sqrt(max(float(np.sum(np.mean(functions**2, axis=0))), 1e-300))
 
 
 def bent_slides(turned: FloatArray, squared_levers: FloatArray) -> FloatArray:

@@ -128,6 +128,8 @@ def restricted_likelihood(
     locked = np.zeros_like(wanted)
     for k, one in enumerate(functions):
         locked = locked + one @ mean[rows.group == k]
+    if known:
+        locked = locked + np.concatenate(known, axis=2) @ mean[rows.group == KNOWN]
     covariance = covariance[:p, :p]
     likely = variances.copy()
     if largest is not None:
