@@ -126,4 +126,4 @@ def information_in_body(shown: BoolArray, covariance: FloatArray | None, turn: F
     if covariance is None:
         return information
     inverse = symmetric_inverses(np.where(shown[..., None, None], covariance, np.eye(3)))
-    return np.asarray(information * (np.swapaxes(turn, 1, 2)[:, None] @ inverse @ turn[:, None]))
+    return np.asarray(shown[..., None, None] * (np.swapaxes(turn, 1, 2)[:, None] @ inverse @ turn[:, None]))

@@ -69,6 +69,15 @@ def test_a_wing_is_found_where_depths_are_noisier(seed, told):
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_wing_is_found_by_what_it_swings_across_the_lines_of_sight(seed):
+    """By six deviations across them, of which those along them are eight times as great."""
+    found = estimate(tracked(seed, 1.2 * swing(seed), depth=8.0, told=True), options=FIXED)
+    assert moving(found) == [("g", "h")]
+    error = found.position[150] - CENTRE
+    assert error @ np.linalg.solve(found.covariance[150], error) < chi2.isf(1e-4, 3)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_feature_that_slides_steadily_is_left_out(seed):
     """Along an edge, by ten standard deviations of an observation from end to end, and another by seven."""
     (labels,) = moving(estimate(tracked(seed, 10 * NOISE * TIME / TIME[-1]), options=FIXED))
