@@ -164,8 +164,7 @@ def _of_orbit(finding: WrongOrbit | EstimatedOrbit | UntoldOblateness | UntoldAc
                 else "the tracks do not tell the Earth's about the axis z from none, and the estimate allows for either"
             )
             return (
-                f"the orbit file tells no J2, {shown}: put j2 and equatorial_radius into the file, j2 = 0 if there is "
-                "none"
+                f"no orbit file tells J2, {shown}: put j2 and equatorial_radius into the file, j2 = 0 if there is none"
             )
         case UntoldAccuracy():
             sizes = [f"an orbit that is off by {finding.place / 1e3:.2g} km"] if finding.place else []

@@ -225,13 +225,14 @@ def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> P
     """
     problem, orbit, noise = found.problem, task.orbit, process_noise_of(found)
     noisy = (noise.significance or 0.0) >= SIGNIFICANT
-    if not noisy and (orbit is None or (orbit.with_earths_j2() is None and orbit.accuracy == 0)):
+    exact = orbit is not None and orbit.with_earths_j2() is None and orbit.accuracy == 0
+    if not noisy and (exact or (orbit is None and estimated_orbit_in(problem.path) is None)):
         return found
     try:
         path = problem.path
         burned = _by_attitudes(task.pivot, found) if noisy else None
         solved = (burned or task.pivot).solved
-        if untold_oblateness(orbit, solved.path):
+        if orbit is not None and untold_oblateness(orbit, solved.path):
             path = perhaps_oblate_in(solved.path) or task.path(trajectory, orbit_in(solved.path))
         path = push_in(solved, path) or path
         for part in reversed(inexact_parts(solved.path)):

@@ -35,9 +35,10 @@ SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class InexactOrbitPath(ForcedPath):
-    """A path on an orbit with an error of a given size, or with a push.
+    """A path on an orbit with an error of a given size, with a push, or, where the orbit is estimated, with J2.
 
-    told: whether its size is told, else it is the one that is likely; deviation: m, or m/s².
+    told: whether its size is told, or the tracks are likelier with it, else it is the one that is likely; deviation: m,
+    m/s², or a share of J2.
     """
 
     told: bool

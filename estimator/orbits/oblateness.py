@@ -15,15 +15,16 @@ from baryscope.estimator.dynamics.extended_path import parts_of
 from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
-from baryscope.estimator.orbits.error import perturbing_accelerations
+from baryscope.estimator.orbits.error import InexactOrbitPath, inexact_parts, perturbing_accelerations
 from baryscope.estimator.thrust import KnownAcceleration
-from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
+from baryscope.models.ephemeris.trajectory import gravity_gradient, kepler_orbit_through, target_states
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
 HALF = 0.5  # of J2 where the path is linear in its share, and the deviation of that
-NAME = "share of the Earth's J2, above a half"
+SHARE = "share of the Earth's J2"
+NAME = f"{SHARE}, above a half"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,33 @@ def perhaps_oblate(
     half = replace(oblate, j2=HALF * oblate.j2)
     force = Force(acceleration, (NAME,), "1", np.array([HALF]), longest_on(oblate, *span), np.zeros(0))
     return EstimatedOblatenessPath(PerturbedOrbit(half, sum(span) / 2, known), force, *span, half, oblate.j2)
+
+
+def oblateness_on(
+    orbit: Orbit, position: Callable[[FloatArray], FloatArray], span: tuple[float, float]
+) -> Force | None:
+    """What the Earth's J2 does to the relative motion on an orbit that is estimated, None if that is not the Earth's.
+
+    Its share is 1 or 0, of which the mean square is a half, and what it is beside an orbit without: orbits with J2 and
+    without go through the same state in the middle of the span. position: as for `perhaps_oblate`.
+    """
+    middle = sum(span) / 2
+    plain = kepler_orbit_through(target_states(orbit, np.array([middle]))[0], 0.0, orbit.gravitational_parameter)
+    oblate = plain.with_earths_j2()
+    if oblate is None:
+        return None
+
+    def acceleration(time: FloatArray) -> FloatArray:
+        ahead, behind = (gravity_gradient(one, target_states(one, time - middle)) for one in (oblate, plain))
+        return perturbing_accelerations([(ahead, behind)], HALF, position(time))
+
+    deviation = np.array([np.sqrt(HALF)])
+    return Force(acceleration, (SHARE,), "1", deviation, longest_on(orbit, *span), np.zeros(0))
+
+
+def oblateness_in(path: Path) -> InexactOrbitPath | None:
+    """The part of a path on an estimated orbit that is J2, if one is."""
+    return next((part for part in inexact_parts(path) if part.force.names == (SHARE,)), None)
 
 
 def perhaps_oblate_in(path: Path) -> EstimatedOblatenessPath | None:

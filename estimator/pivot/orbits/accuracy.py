@@ -7,7 +7,7 @@ often the path shows that there is none; where it does not, the claim has to all
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from baryscope.estimator.orbits.error import (
     inexact_parts,
     orbit_error,
 )
+from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.orbits.oblateness import oblateness_on
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
@@ -44,21 +46,31 @@ def with_errors_of_orbit(
 ) -> PivotSolution:
     """The solution with an error of the orbit among the unknowns, if its accuracy is told, or the tracks do not exclude
     what is likely where it is not, and the answer rests on it; likewise with a constant push.
+
+    Of an orbit that the tracks tell, the elements are unknowns already, but it has no J2. That has a known size: where
+    the tracks are likelier with it, it is among the unknowns, too.
     """
-    path = found.path
+    path, estimated = found.path, estimated_orbit_in(found.path)
+    orbit = orbit if estimated is None else estimated.orbit
     if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return found
     parts = []
-    if path.prior.index(ORBIT_ERROR) is None:
+    if estimated is not None:
+        oblateness = oblateness_on(orbit, found.position, (path.begin, path.end))
+        if oblateness is not None:
+            beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
+            if (shown := beside.is_shown) or beside.doubtful((1.0,)):
+                parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
+    elif path.prior.index(ORBIT_ERROR) is None:
         told = orbit.accuracy is not None
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
-        if told or _doubtful(found, path, displaced, (1.0,)):
+        if told or _Beside.of(found, path, displaced).doubtful((1.0,)):
             parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, deviation))
     if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
         pushed, size = constant_of("lvlh", orbit, path.begin, path.end), untold_push(orbit)
         pushed = replace(pushed, deviations=np.full(3, size))
-        if share := _doubtful(found, path, pushed, (1.0, 0.1)):
+        if share := _Beside.of(found, path, pushed).doubtful((1.0, 0.1)):
             pushed = replace(pushed, deviations=share * pushed.deviations)
             parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, share * size))
     if not parts:
@@ -73,27 +85,53 @@ def with_errors_of_orbit(
 def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
     """The finding of a path that allows for errors of the orbit, or a push, that nobody tells."""
     untold = {part.force.unit: part.deviation for part in inexact_parts(path) if not part.told}
-    return (UntoldAccuracy(untold.get("m", 0.0), untold.get("m/s²", 0.0)),) if untold else ()
+    place, push = untold.get("m", 0.0), untold.get("m/s²", 0.0)
+    return (UntoldAccuracy(place, push),) if place or push else ()
 
 
-def _doubtful(found: PivotSolution, path: ProcessNoisePath, force: Force, shares: Sequence[float]) -> float:
-    """The first of some shares of a force's deviations that the tracks do not exclude, if the claim is much wider with
-    it, at any frame in any direction; 0 if there is none.
-
-    To first order, with the solution's weights; some frames are looked at, with the weights of all.
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """A force beside a solution, to first order, with the solution's weights; some frames are looked at, with the
+    weights of all. variances (c,): of the force's unknowns.
     """
-    forced = ForcedPath(path.base, force, path.begin, path.end)
-    further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
-    variances = np.exp(forced.prior.offset[path.base.size :])
 
-    def judged(share: float) -> tuple[float, FloatArray]:
-        prior = path.prior.joined(Prior.known(share**2 * variances))
-        covariance = conditional(further.linear, prior, found.posterior.theta)[1]
-        return cost(further.linear, prior, maximise(further.linear, prior)), further.path.covariance(covariance)
+    found: PivotSolution
+    prior: Prior
+    further: FurtherUnknowns
+    variances: FloatArray
 
-    exact, own = judged(NEGLIGIBLE)
-    for share in shares:
-        with_force, wider = judged(share)
-        if with_force - exact < DECISIVE:
-            return share if np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2 else 0.0
-    return 0.0
+    @classmethod
+    def of(cls, found: PivotSolution, path: ProcessNoisePath, force: Force) -> "_Beside":
+        """The force beside a solution on a path."""
+        forced = ForcedPath(path.base, force, path.begin, path.end)
+        further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
+        return cls(found, path.prior, further, np.exp(forced.prior.offset[path.base.size :]))
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the tracks are ten times likelier with it."""
+        return self._cost(NEGLIGIBLE) - self._cost(1.0) >= DECISIVE
+
+    def doubtful(self, shares: Sequence[float]) -> float:
+        """The first of some shares of its deviations that the tracks do not exclude, if the claim is much wider with
+        it, at any frame in any direction; 0 if there is none.
+        """
+        exact = self._cost(NEGLIGIBLE)
+        for share in shares:
+            if self._cost(share) - exact < DECISIVE:
+                own, wider = self._claimed(NEGLIGIBLE), self._claimed(share)
+                return share if np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2 else 0.0
+        return 0.0
+
+    def _cost(self, share: float) -> float:
+        """−2 ln of the marginal likelihood for a share of its deviations, up to a constant."""
+        prior = self._with(share)
+        return cost(self.further.linear, prior, maximise(self.further.linear, prior))
+
+    def _claimed(self, share: float) -> FloatArray:
+        """The covariance (n, 3, 3) of the path for a share of its deviations."""
+        theta = self.found.posterior.theta
+        return self.further.path.covariance(conditional(self.further.linear, self._with(share), theta)[1])
+
+    def _with(self, share: float) -> Prior:
+        return self.prior.joined(Prior.known(share**2 * self.variances))

@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate_in
+from baryscope.estimator.orbits.oblateness import oblateness_in, perhaps_oblate, perhaps_oblate_in
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
@@ -26,7 +26,7 @@ from baryscope.estimator.pivot.reduced import fixed_at
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.estimator.pivot.unexplained import gain_over
 from baryscope.models.errors import ComputationError
-from baryscope.models.orbit import Orbit
+from baryscope.models.orbit import EARTH_J2, Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -132,7 +132,10 @@ class _ScoreTest:
 
 def untold_oblateness(told: Orbit | None, path: Path) -> tuple[UntoldOblateness, ...]:
     """The finding of an orbit whose J2 is not told, but on the path, or perhaps."""
+    if told is None:
+        part = oblateness_in(path)
+        return () if part is None else (UntoldOblateness(EARTH_J2, certain=part.told),)
     orbit, either = orbit_in(path), perhaps_oblate_in(path)
-    if told is None or told.j2 is not None or orbit is None or orbit.j2 is None:
+    if told.j2 is not None or orbit is None or orbit.j2 is None:
         return ()
     return (UntoldOblateness(orbit.j2, certain=True) if either is None else UntoldOblateness(either.j2, certain=False),)
