@@ -116,10 +116,14 @@ class FramesLeftOut:
 
 @dataclass(frozen=True)
 class FewFrames:
-    """Frames with an attitude, too few for so many unknowns: an outlier or a misfit would not be seen."""
+    """Frames with an attitude, too few for so many unknowns: an outlier or a misfit would not be seen.
+
+    lasting: how many of them have the same errors of the features, and count as one.
+    """
 
     frames: int
     unknowns: float
+    lasting: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -116,9 +116,10 @@ def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | OtherBody) -
     """What the tracks cannot check, in words."""
     match finding:
         case FewFrames():
+            alike = f", of which {finding.lasting:.3g} have the same errors," if finding.lasting > 1 else ","
             return (
-                f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude, for {finding.unknowns:.0f} "
-                "unknowns of the motion: no outlier or misfit would be seen"
+                f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude{alike} for "
+                f"{finding.unknowns:.0f} unknowns of the motion: no outlier or misfit would be seen"
             )
         case FollowsRotation():
             return (

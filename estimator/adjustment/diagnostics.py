@@ -71,15 +71,17 @@ def rejected_by(weight: FloatArray) -> BoolArray:
     return np.asarray((weight > 0) & (weight < REJECTED))
 
 
-def few_frames(weight: FloatArray, unknowns: float) -> tuple[FewFrames, ...]:
+def few_frames(weight: FloatArray, unknowns: float, lasting: float) -> tuple[FewFrames, ...]:
     """A finding if frames with an attitude, by weights (n, m), are too few for the unknowns of path and tumble.
+
+    lasting: how many frames have the same errors of the features, and count as one.
 
     The attitude of a frame tells of a tumble as much as its position of the path: half as many frames check as many
     unknowns as with free attitudes, where as many frames are needed as path and offsets have unknowns.
     """
     unknowns += 3  # of the offset
     frames = len(with_attitude(weight >= REJECTED))
-    return (FewFrames(frames, unknowns),) if 2 * frames < unknowns else ()
+    return (FewFrames(frames, unknowns, lasting),) if 2 * frames / lasting < unknowns else ()
 
 
 def with_attitude(used: BoolArray) -> IntArray:

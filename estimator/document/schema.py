@@ -131,6 +131,9 @@ class FindingPart(Part):
     unknowns: float | None = Field(
         None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
+    lasting: float | None = Field(
+        None, description="few-frames: how many frames have the same errors of the features, and count as one"
+    )
     labels: tuple[str, ...] | None = Field(
         None, description="different-points, disagreeing-clusters, moving-features, other-body: the labels in question"
     )

@@ -105,7 +105,7 @@ def _few_frames(found: Passes) -> tuple[FewFrames, ...]:
     last = found.last
     own = slice(last.system.points.start)
     held = np.vdot(last.prior.information[own, own], last.parameters.covariance[own, own])
-    return few_frames(last.weight, own.stop - float(held))
+    return few_frames(last.weight, own.stop - float(held), last.lasting)
 
 
 def process_noise_of(found: Passes) -> ProcessNoise:

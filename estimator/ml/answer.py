@@ -116,7 +116,7 @@ def _findings(best: MaximumAPosteriori, pivot: PivotSolution) -> tuple[Finding, 
     clusters that agree by free attitudes.
     """
     others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED | DisagreeingClusters))
-    return others + few_frames(best.observations.weight, best.unknowns)
+    return others + few_frames(best.observations.weight, best.unknowns, pivot.lasting)
 
 
 def _excess_residuals(

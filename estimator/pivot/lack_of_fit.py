@@ -51,9 +51,10 @@ def misfits(found: PivotSolution, registered: Registered, tracks: FeatureTracks)
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
+    told = frames / found.lasting
     # Of a smooth path's unknowns the law tells some, and the covariance has its misfit.
-    if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
-        findings.append(FewFrames(frames, unknowns))
+    if (told if smooth_in(found.path) is None else 2 * told) < unknowns:
+        findings.append(FewFrames(frames, unknowns, found.lasting))
     return tuple(findings)
 
 

@@ -78,6 +78,11 @@ def test_verdict_names_a_skew_axis():
             "7 frames show an attitude, for 9 unknowns of the motion: no outlier or misfit would be seen",
         ),
         (
+            FewFrames(1073, 23.9, 96.27),
+            "1073 frames show an attitude, of which 96.3 have the same errors, for 24 unknowns of the motion: no "
+            "outlier or misfit would be seen",
+        ),
+        (
             FollowsRotation(0.934, 22.7),
             "the path, of 23 unknowns, may follow the rotation, with a centre of mass that is wrong by as much: of "
             "what the tracks tell of it, noise of the attitudes feigns 93 %; the method ml has less freedom",

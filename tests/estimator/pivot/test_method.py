@@ -1,5 +1,7 @@
 """The drifting pivot: lack of fit, degrees that the data choose, and the noise of a stereo rig."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -151,6 +153,18 @@ def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
     few = [one for one in found.findings if isinstance(one, FewFrames)]
     assert [(one.frames, one.unknowns) for one in few] == ([] if checked else [(5, pytest.approx(6.0))])
     assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
+
+
+@pytest.mark.parametrize(("frames", "checked"), [(150, False), (15, True)])
+def test_frames_with_the_same_errors_count_as_one(tumbling, frames, checked):
+    """Of 300 frames two have errors of their own, or twenty, for the same six unknowns."""
+    case = make_case(TIME[:300], tumbling[:300], np.tile(START, (300, 1)), FEATURES)
+    errors = np.random.default_rng(2).normal(scale=0.02, size=(300 // frames, *case.tracks.position.shape[1:]))
+    tracks = replace(case.tracks, position=case.tracks.position + np.repeat(errors, frames, axis=0))
+    found = estimate(tracks, method="pivot", options=PathOptions(trajectory="fixed", process_noise="none"))
+    few = [one.lasting for one in found.findings if isinstance(one, FewFrames)]
+    assert few == ([] if checked else [found.noise.lasting])
+    assert found.noise.lasting > 5
 
 
 def test_a_solution_as_uncertain_as_nothing_can_be_has_diverged(monkeypatch, tumbling):
