@@ -26,7 +26,11 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
-from baryscope.estimator.adjustment.spurious import SpuriousInformation, spurious_information_columns
+from baryscope.estimator.adjustment.spurious import (
+    SpuriousInformation,
+    attenuated_columns,
+    spurious_information_columns,
+)
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.findings import ExcessResiduals, Finding, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -120,8 +124,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """The centre of mass as the fixed centre of rotation: in LVLH if an orbit is given and no trajectory, else in C.
 
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
-    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes; frames that have the same
-    errors of the features count as one. It is wrong if the centre moves, which the findings tell; unless a trajectory
+    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes, by which the centre is too near
+    the features, too; frames that have the same errors of the features count as one. It is wrong if the centre moves, which the findings tell; unless a trajectory
     is told, it has the motion that the residuals show, or do not exclude: polynomials of time, of which the noise of a
     frame is the prior. A sigma in the options is not used.
 
@@ -229,10 +233,13 @@ def _joint_covariance(registered: Registered, inliers: BoolArray, fit: Fit, last
     """
     distance, variance = float(np.linalg.norm(fit.centre)), lasting * fit.variance
     least = variance / max(distance, 1e-300) ** 2
-    inverse = _without_spurious_information(registered, inliers, fit.inverse, least)
-    first = 3 * len(registered.bodies)
+    first, spurious = 3 * len(registered.bodies), _spurious_information(registered, inliers)
+    parts = fit.inverse[:first, :first], fit.inverse[:first, first:]
+    more = np.sqrt(variance) * np.concatenate(spurious_information_columns(*parts, spurious, least))
+    lacking = np.concatenate(attenuated_columns(fit.offsets.ravel(), *parts, spurious, least))
     unseen = fit.unseen * distance / np.linalg.norm(fit.unseen[first : first + 3], axis=0)
-    return np.asarray(variance * inverse + unseen @ unseen.T)
+    columns = np.concatenate([more, lacking, unseen], axis=1)
+    return np.asarray(variance * fit.inverse + columns @ columns.T)
 
 
 def _of_offsets(joint: FloatArray, bodies: int) -> FloatArray:
@@ -271,23 +278,17 @@ def _weights(seen: BoolArray, inliers: BoolArray, bodies: list[Body]) -> FloatAr
     return weight
 
 
-def _without_spurious_information(
-    registered: Registered, inliers: BoolArray, inverse: FloatArray, least: float
-) -> FloatArray:
-    """The pseudo-inverse of the normal equations, (3 j + 3 q, 3 j + 3 q), without spurious information of noisy
-    attitudes.
+def _spurious_information(registered: Registered, inliers: BoolArray) -> SpuriousInformation:
+    """The spurious information of noisy attitudes on d of all bodies.
 
     An error φ of an attitude with the covariance C adds φ × d to the frame, in the mean the information tr C − C on d,
-    see `adjustment.spurious`. least: information that remains in a direction.
+    see `adjustment.spurious`.
     """
-    k, parts = 3 * len(registered.bodies), []
+    parts = []
     for body in registered.bodies:
         of_turn = _turn_covariances(body, inliers, registered.noise).sum(axis=0)
         parts.append(SpuriousInformation.of(np.trace(of_turn) * np.eye(3) - of_turn, len(body.frames)))
-    spurious = SpuriousInformation.of_each(parts)
-    of_offsets, of_centre = spurious_information_columns(inverse[:k, :k], inverse[:k, k:], spurious, least)
-    columns = np.concatenate([of_offsets, of_centre])
-    return np.asarray(inverse + columns @ columns.T)
+    return SpuriousInformation.of_each(parts)
 
 
 def _findings(

@@ -174,6 +174,20 @@ def feigned_columns(
     return _with_others(led[:, None] if far else np.zeros((len(led), 0)), offset, crossed)
 
 
+def attenuated_columns(
+    offsets: FloatArray, offset: FloatArray, crossed: FloatArray, spurious: SpuriousInformation, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Columns as of `spurious_information_columns` of what offsets (3 k,) lack that are found with attitudes as given.
+
+    The noise of these does make the cost steeper, by S, with no slope for it: so the offsets are too near the features
+    by (I − S)⁻¹ S of themselves, as a regression on a noisy variable is too flat (Fuller 1987, Measurement Error Models).
+    """
+    found = _Directions.of(offset, SpuriousInformation(spurious.mean, np.zeros_like(spurious.mean)), least, None)
+    along = np.linalg.lstsq(found.columns, offsets, rcond=None)[0]
+    lacking = found.columns @ (np.clip(found.share, 0.0, 1.0) / found.remaining * along)
+    return _with_others(lacking[:, None], offset, crossed)
+
+
 @dataclass(frozen=True, eq=False)
 class _Directions:
     """Directions of offsets, columns (3 k, d) of one standard deviation each; spurious information is diagonal in them.
