@@ -52,7 +52,7 @@ def carried(R: FloatArray, rate: FloatArray, b: FloatArray) -> tuple[FloatArray,
 def arm_of(R: FloatArray, rate: FloatArray, b: FloatArray) -> FloatArray:
     """The position and velocity (..., 6) alone, of points b (..., 3) or of one."""
     moved = np.stack(np.broadcast_arrays(b, np.cross(rate, b)), axis=-1)
-    return np.swapaxes(R @ moved, -2, -1).reshape(*rate.shape[:-1], 6)
+    return np.asarray(np.swapaxes(R @ moved, -2, -1).reshape(*rate.shape[:-1], 6))
 
 
 def curved(R: FloatArray, rate: FloatArray, b: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:

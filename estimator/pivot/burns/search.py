@@ -115,8 +115,8 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
         weight /= weight.sum()
         mean = float(weight @ durations)
         spread = float(np.sqrt(weight @ (durations - mean) ** 2))
-        about = {"begin": middle - mean / 2, "end": middle + mean / 2}
-        burns[index] = replace(burn, **about, slack=flat, untold=max(spread, step))
+        begin, end = middle - mean / 2, middle + mean / 2
+        burns[index] = replace(burn, begin=begin, end=end, slack=flat, untold=max(spread, step))
     return equations.fitted(tuple(burns), fit.variance, 1, bend=fit.bend, near=fit.theta)
 
 
