@@ -34,8 +34,8 @@ def tumble(
     def slope(t: float, flat: FloatArray) -> FloatArray:
         q, w = np.split(flat.reshape(k, 7), [4], axis=1)
         v, s = q[:, :3], q[:, 3:]
-        turning = np.concatenate([s * w + np.cross(v, w), -np.sum(v * w, axis=1, keepdims=True)], axis=1) / 2
-        moment = -np.cross(w, np.einsum("kij,kj->ki", inertia, w))
+        crossed, moment = np.cross([v, np.einsum("kij,kj->ki", inertia, w)], w)
+        turning = np.concatenate([s * w + crossed, -np.sum(v * w, axis=1, keepdims=True)], axis=1) / 2
         if torque is not None:
             moment = moment + torque(t, Rotation.from_quat(q).as_matrix(), w)
         return np.concatenate([turning, np.einsum("kij,kj->ki", inverse, moment)], axis=1).ravel()
