@@ -10,6 +10,10 @@ wrong about the first patch is the same in all frames, and moves the point on th
 A plane in perspective is bent, too: p = A x / (1 + g·x) + centre. Fitted by an affine map, which averages better, its
 centre is off by some hundredths of a pixel that change with the angle of view, and alike for all patches of a facet.
 Where g is known, `Patches.straightened` takes that off.
+
+Lens, pixels and SMOOTHING blur the image, not the surface: a patch that is stretched is less blurred along the stretch
+than the first one was, by its second derivatives to first order. These are terms of the registration, too; without
+them their residuals shift each patch by itself, alike in left and right image, for as long as the angle stays.
 """
 
 from dataclasses import dataclass
@@ -112,11 +116,12 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """k patches: J (k, SIDE², 8); solver (k, 8, SIDE²), its pseudo-inverse; shape (k, 2, 2), the covariance of a shift,
-    px², by white noise of the pixels of variance 1 before they are smoothed; bend (k, 2, 2), px²: the shift for which
-    an affine registration takes a perspective g, px⁻¹.
+    """k patches: J (k, SIDE², 11); solver (k, 11, SIDE²), its pseudo-inverse; shape (k, 2, 2), the covariance of a
+    shift, px², by white noise of the pixels of variance 1 before they are smoothed; bend (k, 2, 2), px²: the shift for
+    which an affine registration takes a perspective g, px⁻¹.
 
-    The columns of J: the derivatives by a shift (2), by shears and stretches (4), the patch, and one.
+    The columns of J: the derivatives by a shift (2), by shears and stretches (4), the patch, one, and the second
+    derivatives of the patch (3).
     """
 
     J: FloatArray
@@ -134,7 +139,10 @@ class Patches:
         x, y = _grid(HALF).T.reshape(2, SIDE, SIDE)
         middle, one = wide[:, 1:-1, 1:-1], np.ones_like(along_u)
         columns = [along_u, along_v, along_u * x, along_u * y, along_v * x, along_v * y, middle, one]
-        J = np.stack(columns, axis=-1).reshape(-1, SIDE**2, 8).astype(np.float64)
+        columns += [wide[:, 1:-1, 2:] - 2 * middle + wide[:, 1:-1, :-2]]
+        columns += [(wide[:, 2:, 2:] - wide[:, 2:, :-2] - wide[:, :-2, 2:] + wide[:, :-2, :-2]) / 4]
+        columns += [wide[:, 2:, 1:-1] - 2 * middle + wide[:, :-2, 1:-1]]
+        J = np.stack(columns, axis=-1).reshape(-1, SIDE**2, len(columns)).astype(np.float64)
         solver = np.linalg.pinv(np.swapaxes(J, 1, 2) @ J, hermitian=True) @ np.swapaxes(J, 1, 2)
         shape = solver[:, :2] @ _smoothed_noise() @ np.swapaxes(solver[:, :2], 1, 2)
         place = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -180,7 +188,7 @@ class Patches:
                 break
         terms = (self.solver @ values[..., None])[..., 0]
         rest = values - (self.J @ terms[..., None])[..., 0]
-        variance = np.sum(rest**2, axis=1) / (SIDE**2 - 8) + SMOOTHED * STEP
+        variance = np.sum(rest**2, axis=1) / (SIDE**2 - self.J.shape[2]) + SMOOTHED * STEP
         sides = np.linalg.svd(A, compute_uv=False)
         there &= (variance < (1 - LEAST_CORRELATION**2) * values.var(axis=1)) & (terms[:, 6] > LEAST_GAIN)
         there &= (sides[:, 0] < LARGEST) & (sides[:, 1] > SMALLEST)

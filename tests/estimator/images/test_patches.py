@@ -72,6 +72,24 @@ def test_patches_in_perspective_are_straightened():
     assert np.linalg.norm(left.mean(axis=0)) < 0.02 * typical
 
 
+def lens(stretch):
+    """An image of the texture, stretched about the middle, by a lens whose blur is normal, of a pixel's deviation."""
+    back = np.linalg.inv(stretch)
+    pixels = (MAP[::-1].transpose(1, 2, 0) - MIDDLE) @ back.T + MIDDLE
+    left = np.exp(-np.sum((WAVES @ back) ** 2, axis=1) / 2)
+    return np.rint(100 + 6 * np.cos(pixels @ WAVES.T + PHASES) @ left).astype(np.uint8)
+
+
+def test_patches_that_are_stretched_are_less_blurred():
+    """Twice as long as wide: blur that the registration does not know of shifted each patch by 0.037 px rms."""
+    stretch = np.diag([1.4, 0.7])
+    true = Places((CENTRES - MIDDLE) @ stretch + MIDDLE, np.tile(stretch, (len(CENTRES), 1, 1)))
+    found = Patches.at(Surface.of(lens(np.eye(2)), MAP), CENTRES).found(Surface.of(lens(stretch), MAP), true, 0.1)
+    inside = ((true.centre > 2 * HALF) & (true.centre < SIZE - 2 * HALF)).all(axis=1)
+    assert found.there[inside].all()
+    assert np.sqrt(np.mean((found.places.centre - true.centre)[inside] ** 2)) < 0.01
+
+
 def test_covariances_hold_what_noise_does():
     """Both images have the noise, the first one's the same for all time: the residuals have both, and so do errors."""
     errors = []
