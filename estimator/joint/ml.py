@@ -216,7 +216,8 @@ def of_wrong_turns(pair: Pair) -> list[FloatArray]:
     of first order, by δ × v at a lever v, and by what the mean of the markers moves.
     """
     design, wanted = pair.equations
-    levers = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0].reshape(2, 3)
+    solved = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0]
+    levers = np.asarray(solved.reshape(2, 3), dtype=np.float64)
     *parent, child = [turn.mean(axis=0) for turn in _turns_with_motion(pair)]
     turns = np.array([*(parent or [np.zeros((3, 3))]), child])
     bent = bent_slides(np.trace(turns, axis1=1, axis2=2) / 3, np.sum(levers**2, axis=1))
@@ -238,7 +239,7 @@ def of_wrong_turns(pair: Pair) -> list[FloatArray]:
 
 def _of_unit_size(functions: FloatArray) -> FloatArray:
     """Functions of time (n, i), times what makes the sum of their mean squares 1, unless they are 0."""
-    return functions / np.sqrt(max(float(np.sum(np.mean(functions**2, axis=0))), 1e-300))
+    return np.asarray(functions / np.sqrt(max(float(np.sum(np.mean(functions**2, axis=0))), 1e-300)))
 
 
 def bent_slides(turned: FloatArray, squared_levers: FloatArray) -> FloatArray:
