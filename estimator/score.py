@@ -124,10 +124,10 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """The centre of mass as the fixed centre of rotation: in LVLH if an orbit is given and no trajectory, else in C.
 
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
-    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes, by which the centre is too near
-    the features, too; frames that have the same errors of the features count as one. It is wrong if the centre moves, which the findings tell; unless a trajectory
-    is told, it has the motion that the residuals show, or do not exclude: polynomials of time, of which the noise of a
-    frame is the prior. A sigma in the options is not used.
+    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes, and with what these leave the
+    centre too near the features; frames that have the same errors of the features count as one. It is wrong if the
+    centre moves, which the findings tell; unless a trajectory is told, it has the motion that the residuals show, or do
+    not exclude: polynomials of time, of which the noise of a frame is the prior. A sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`, or a singular covariance.

@@ -180,7 +180,8 @@ def attenuated_columns(
     """Columns as of `spurious_information_columns` of what offsets (3 k,) lack that are found with attitudes as given.
 
     The noise of these does make the cost steeper, by S, with no slope for it: so the offsets are too near the features
-    by (I − S)⁻¹ S of themselves, as a regression on a noisy variable is too flat (Fuller 1987, Measurement Error Models).
+    by (I − S)⁻¹ S of themselves, as a regression on a noisy variable is too flat (Fuller 1987, Measurement Error
+    Models).
     """
     found = _Directions.of(offset, SpuriousInformation(spurious.mean, np.zeros_like(spurious.mean)), least, None)
     along = np.linalg.lstsq(found.columns, offsets, rcond=None)[0]
