@@ -36,6 +36,7 @@ MAX_ROUNDS = 30  # of steps and new weights: what has not converged then says so
 WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
 FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these against spurious information
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
+NEARLY, LONGEST = 1.0, 60  # the same of a step that is near the end, so that rounds are added, and of these the most
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
 LASTING_TOLERANCE = 0.1  # relative change of the number of frames with the same errors
@@ -125,7 +126,7 @@ class _Refinement:
             return
         dof = self._step(problem)
         self._reweight(dof)
-        settled = self._has_settled()
+        settled = self._is_within(STEP_TOLERANCE)
         self.converged = settled and self.simple is None and (self.scan or len(self.path.prior.hyperparameters) < 2)
         self.scan = settled
         if self.simple is not None:
@@ -134,6 +135,8 @@ class _Refinement:
                 self.simple, self.here = None, None
         self.converged = self.converged and self._is_complete() and self._is_consistent()
         self._hold_offsets()
+        if not self.converged and self.rounds == self.most < LONGEST and self._is_within(NEARLY):
+            self._go_on_for(FIRM_ROUNDS)
 
     def _linearised(self) -> Linearised:
         """The problem where the iteration is, with what depends on the place."""
@@ -195,10 +198,10 @@ class _Refinement:
         )
         self.observations = self.observations.weighted(weight)
 
-    def _has_settled(self) -> bool:
+    def _is_within(self, tolerance: float) -> bool:
         """Whether the last step and the last change of weights are small."""
         assert self.last is not None  # noqa: S101  there was a step
-        return self.last.steady and self.last.decrease <= STEP_TOLERANCE * self.least
+        return self.last.steady and self.last.decrease <= tolerance * self.least
 
     def _is_complete(self) -> bool:
         """Whether bodies, frames, modes of the path and no untold features are there; if not, they are from now on."""
