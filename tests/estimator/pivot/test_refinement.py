@@ -17,7 +17,9 @@ NOISE = 6.4e-4
 
 
 def loose_marker(seed):
-    """Five markers about a joint that is carried along in 15 s, of which one swings by ten deviations; and the joint."""
+    """Five markers about a joint that is carried along for 15 s, of which one swings by ten deviations, and the joint
+    (n, 3), m.
+    """
     rng, time = np.random.default_rng(seed), np.arange(200) / 13
     turn = sum(
         0.35 * np.sin(2 * np.pi * time[:, None] / rng.uniform(1.5, 9) + rng.uniform(0, 6.28, 3)) * rng.normal(size=3)
@@ -25,7 +27,7 @@ def loose_marker(seed):
     )
     points = np.tile(0.03 * rng.normal(size=(5, 3)) + [0.1, 0.1, 0.05], (len(time), 1, 1))
     points[:, 2] += 6e-3 * np.sin(2 * np.pi * time / 6)[:, None] * [0.6, 0, 0.8]
-    joint = [1, 0, 1] + np.outer(time, [0.03, 0, 0.01])
+    joint = np.array([1.0, 0.0, 1.0]) + np.outer(time, [0.03, 0, 0.01])
     place = joint[:, None] + points @ np.swapaxes(Rotation.from_rotvec(turn).as_matrix(), 1, 2)
     return FeatureTracks(time, place + NOISE * rng.normal(size=place.shape), tuple("abcde")), joint
 
