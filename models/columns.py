@@ -5,7 +5,7 @@ faster: it goes from point to point, and reads and writes NumPy's memory, as to 
 of a `casadi.Function` does, takes longer than to evaluate them. Either way the formula is written once.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -49,6 +49,19 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
 BLOCK = 16384  # points at a time: many for one call of NumPy, few for the processor's cache
 # Up to so many points CasADi is faster, as timeit on `relative_path` tells: NumPy needs time to begin an instruction.
 FEW = 180
+
+
+def evaluate(function: ca.Function, arguments: Sequence[FloatArray], nonzeros: FloatArray) -> None:
+    """A function of CasADi that reads and writes NumPy's memory.
+
+    arguments: one for each input, with its columns as rows; nonzeros: of the result, likewise, to be written.
+    """
+    buffer, run = function.buffer()
+    held = [np.ascontiguousarray(argument) for argument in arguments]  # until they are read
+    for index, argument in enumerate(held):
+        buffer.set_arg(index, argument.data)
+    buffer.set_res(0, nonzeros.data)
+    run()
 
 
 class ColumnFunction:
@@ -98,16 +111,9 @@ class ColumnFunction:
     def _point_by_point(self, inputs: list[FloatArray], n: int) -> FloatArray:
         if n not in self._mapped:
             self._mapped[n] = self._function.map(n)
-        buffer, evaluate = self._mapped[n].buffer()
-        points = []  # until they are read
-        for index, values in enumerate(inputs):
-            point = np.empty((n, len(values)))
-            point[:] = values.T
-            buffer.set_arg(index, point.data)
-            points.append(point)
+        points = [np.broadcast_to(values.T, (n, len(values))) for values in inputs]
         nonzeros = np.empty((n, self._nonzeros))
-        buffer.set_res(0, nonzeros.data)
-        evaluate()
+        evaluate(self._mapped[n], points, nonzeros)
         if self.shape == (self._nonzeros, 1):
             return nonzeros[:, :, None]
         result = np.zeros((n, *self.shape))

@@ -36,6 +36,7 @@ from baryscope.estimator.geometry.alignment import (
 )
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.models.attitude import INERTIA_BASIS
+from baryscope.models.columns import evaluate
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 
@@ -371,8 +372,11 @@ def _walk(kind: tuple[bool, bool], first: FloatArray, inputs: list[FloatArray], 
     states[:, 0] = first
     for begin in range(0, count, CHUNK):
         chunk = slice(begin, min(begin + CHUNK, padded[0].shape[1]))
-        found = advance(*kind, chunk.stop - begin)(states[:, begin], *(one[:, chunk] for one in padded), constants)
-        states[:, begin + 1 : chunk.stop + 1] = found
+        many = chunk.stop - begin
+        own = [states[None, :, begin], *(one[:, chunk].T for one in padded), np.tile(constants, (many, 1))]
+        found = np.empty((many, len(first)))
+        evaluate(advance(*kind, many), own, found)
+        states[:, begin + 1 : chunk.stop + 1] = found.T
     return states[:, : count + 1]
 
 
