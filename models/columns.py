@@ -56,6 +56,7 @@ def evaluate(function: ca.Function, arguments: Sequence[FloatArray], nonzeros: F
 
     arguments: one for each input, with its columns as rows; nonzeros: of the result, likewise, to be written.
     """
+    buffer: Any  # whose sizes are those of the memory, which CasADi's types do not know
     buffer, run = function.buffer()
     held = [np.ascontiguousarray(argument) for argument in arguments]  # until they are read
     for index, argument in enumerate(held):
