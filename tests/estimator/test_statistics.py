@@ -24,7 +24,7 @@ from free_paths import (
 )
 from synthetic import ENVISAT, make_case
 
-RUNS, FRAMES, FEW = 140, 80, 10
+RUNS, FRAMES, FEW = 140, 80, 20
 EXACT = {"process_noise": "none", "torque_noise": "none"}  # the models hold exactly here
 
 

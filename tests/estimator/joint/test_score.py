@@ -19,12 +19,12 @@ def test_without_noise_the_centre_is_exact():
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_the_covariance_is_honest(memory):
-    """NEES of the centre in the child, referred to the true markers: its mean over 60 draws is near 3.
+    """NEES of the centre in the child, referred to the true markers: its mean over 100 draws is near 3.
 
-    The standard deviation of the mean is sqrt(6 / 60) = 0.32; the bandwidth is finite, so some more is allowed above.
+    The standard deviation of the mean is sqrt(6 / 100) = 0.24; the bandwidth is finite, so some more is allowed above.
     """
     nees = []
-    for seed in range(60):
+    for seed in range(100):
         parent, child, _ = recording(np.random.default_rng(seed), 0.003, memory)
         found = joint(parent, child, method="score")
         to_truth = align(SHAPE[None], found.child_markers, np.ones((1, 4)))

@@ -152,18 +152,16 @@ def test_units_of_different_scenarios_have_different_tokens(envisat):
     assert tokens[0] == tokens[1] != tokens[2]
 
 
-def test_an_importer_can_compile_the_sources(envisat_fmu3, tmp_path, monkeypatch):
-    """As `fmpy compile` does, by CMake; its numbers are the shipped library's to the last digits of other flags.
-
-    Here those of FMI 3: test_sources has FMI 2 by fmpy's other project, and what both define for either.
-    """
+@pytest.mark.parametrize("fmi, output", [(2, "target.position[2]"), (3, "target.position")])
+def test_an_importer_can_compile_the_sources(fmi, output, envisat_fmu, envisat_fmu3, tmp_path, monkeypatch):
+    """As `fmpy compile` does, by CMake; its numbers are the shipped library's to the last digits of other flags."""
     here = Path(sys.executable).parent
     monkeypatch.setenv("PATH", f"{here}{os.pathsep}{os.environ['PATH']}")  # fmpy brings cmake
     if shutil.which("cc") is None or shutil.which("c++") is None:  # fmpy's project asks for both
         monkeypatch.setenv("CC", f"{here / 'python-zig'} cc")
         monkeypatch.setenv("CXX", f"{here / 'python-zig'} c++")
-    folder, output = tmp_path / "unit", "target.position"
-    fmpy.extract(str(envisat_fmu3), str(folder))
+    shipped, folder = (envisat_fmu3 if fmi == 3 else envisat_fmu), tmp_path / "unit"
+    fmpy.extract(str(shipped), str(folder))
     shutil.rmtree(folder / "binaries")
     (tmp_path / "cmake").mkdir()
     build_platform_binary(folder, tmp_path / "cmake", cmake_options={"CMAKE_COMPILE_WARNING_AS_ERROR:BOOL": "ON"})
@@ -171,7 +169,7 @@ def test_an_importer_can_compile_the_sources(envisat_fmu3, tmp_path, monkeypatch
 
     own, theirs = (
         fmpy.simulate_fmu(str(unit), stop_time=100.0, output_interval=10.0, output=[output])[output]
-        for unit in (envisat_fmu3, folder)
+        for unit in (shipped, folder)
     )
     assert len(own) == 11
     np.testing.assert_allclose(theirs, own, rtol=1e-10, atol=1e-10)

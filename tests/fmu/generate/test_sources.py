@@ -41,12 +41,12 @@ def cmake_with_a_compiler(monkeypatch):
     return cmake
 
 
-def test_a_project_of_fmpy_compiles(small_fmu, tmp_path, monkeypatch):
-    """As `fmpy create-cmake-project` writes it; its unit makes the same numbers. `fmpy compile`: see test_build."""
+def test_a_project_of_fmpy_compiles(unit, tmp_path, monkeypatch):
+    """As `fmpy create-cmake-project` writes it; its unit makes the same numbers."""
     cmake = cmake_with_a_compiler(monkeypatch)
     folder = tmp_path / "project"
     folder.mkdir()
-    create_cmake_project(str(small_fmu), str(folder))
+    create_cmake_project(str(unit), str(folder))
     shutil.rmtree(folder / "binaries")
     (folder / "binaries").mkdir()
     build = [cmake, "-S", ".", "-B", "build", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_COMPILE_WARNING_AS_ERROR=ON"]
@@ -55,7 +55,7 @@ def test_a_project_of_fmpy_compiles(small_fmu, tmp_path, monkeypatch):
         assert result.returncode == 0, result.stdout + result.stderr
     own, theirs = (
         fmpy.simulate_fmu(str(path), stop_time=100.0, output_interval=10.0)
-        for path in (small_fmu, folder / "TumblingTarget.fmu")
+        for path in (unit, folder / "TumblingTarget.fmu")
     )
     assert own.dtype == theirs.dtype
     for name in own.dtype.names:
@@ -179,7 +179,7 @@ def test_compilers_of_other_makes_can_read_them(small, tmp_path, unit_name):
     messages = compiled(tmp_path, *options, "-c", "all.c", "-o", "all.o")
     warnings = [line for line in messages.splitlines() if "warning:" in line and "different qualifiers" not in line]
     assert not warnings
-    compiled(tmp_path, "-DPLAIN_C", "-std=c2x", "-pedantic-errors", f"-I{HEADERS}", "-fsyntax-only", "all.c")
+    compiled(tmp_path, "-DPLAIN_C", "-std=c2x", "-pedantic-errors", f"-I{HEADERS}", "-c", "all.c", "-o", "all.o")
 
 
 def test_texts_of_checks_are_utf_8():
