@@ -124,8 +124,7 @@ def information_in_body(shown: BoolArray, covariance: FloatArray | None, turn: F
 
     covariance: (n, m, 3, 3) in C; None of observations that are equally good, of which it is 1. turn: R_C_B (n, 3, 3).
     """
-    information = shown[..., None, None] * np.eye(3)
     if covariance is None:
-        return information
+        return np.asarray(shown[..., None, None] * np.eye(3))
     inverse = symmetric_inverses(np.where(shown[..., None, None], covariance, np.eye(3)))
     return np.asarray(shown[..., None, None] * (np.swapaxes(turn, 1, 2)[:, None] @ inverse @ turn[:, None]))

@@ -54,6 +54,11 @@ class Burn:
         return self.end - self.begin
 
     @property
+    def held(self) -> float:
+        """The standard deviation of the prior of its duration where it may be held, s."""
+        return HELD * self.untold if self.untold > 0 else self.slack[1]
+
+    @property
     def speed(self) -> float:
         """The magnitude of the change, m/s; not zero."""
         return max(float(np.linalg.norm(self.change)), 1e-12)
@@ -101,10 +106,7 @@ class BurnedPath(ExtendedPath):
     @property
     def variances(self) -> FloatArray:
         """The variances (5 k,) of the prior of the burns' unknowns, m²."""
-        held = [(burn.slack[0], HELD * burn.untold or burn.slack[1]) for burn in self.burns]
-        deviations = np.array(
-            [[burn.deviation] * 3 + list(slack) for burn, slack in zip(self.burns, held, strict=True)]
-        )
+        deviations = np.array([[burn.deviation] * 3 + [burn.slack[0], burn.held] for burn in self.burns])
         return np.asarray((self._units * deviations).ravel() ** 2)
 
     @property

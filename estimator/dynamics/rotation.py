@@ -268,10 +268,9 @@ def motion_between(
     h, bodies = nodes[1] - nodes[0], states.shape[1:-1]
     left, s = _located(nodes, time)
     q, rate, change = states[..., :4].reshape(-1, 4), states[..., 4:].reshape(-1, 3), acceleration.reshape(-1, 3)
-    first = 0.5 * quaternion_times_vector(q, rate)  # q̇ = ½ q ⊗ ω
-    second = (
-        0.5 * quaternion_times_vector(q, change) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
-    )  # q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q
+    # q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q.
+    first, pull = 0.5 * quaternion_times_vector(q, rate), 0.25 * np.sum(rate**2, axis=1)[:, None] * q
+    second = 0.5 * quaternion_times_vector(q, change) - pull
     q, first, second, rate, change = (one.reshape(len(nodes), -1) for one in (q, first, second, rate, change))
     quaternion = quintic(s, left, q, h * first, h * h * second).reshape(-1, 4)
     quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)

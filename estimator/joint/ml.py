@@ -200,12 +200,15 @@ def _turns_with_motion(pair: Pair) -> list[FloatArray]:
     """The covariances (k, 3, 3), rad², of the attitudes of parent, if there is one, and child, each in its axes, by
     what of their markers' own errors is a function of the motion.
     """
-    return [body.attitude_noise(with_motion(pair, body)) for body in (pair.parent, pair.child) if body is not None]
+    return [body.attitude_noise(variance) for body, variance in _with_motion(pair)]
 
 
-def with_motion(pair: Pair, body: Body) -> float:
-    """The variance of what of the markers' own errors is a function of the motion, m² per coordinate."""
-    return max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0)
+def _with_motion(pair: Pair) -> list[tuple[Body, float]]:
+    """Parent, if there is one, and child, each with the variance of what of its markers' own errors is a function of
+    the motion, m² per coordinate.
+    """
+    bodies = [body for body in (pair.parent, pair.child) if body is not None]
+    return [(body, max(body.own_variance - float(np.mean(own_power(pair, body))), 0.0)) for body in bodies]
 
 
 def of_wrong_turns(pair: Pair) -> list[FloatArray]:
@@ -218,18 +221,16 @@ def of_wrong_turns(pair: Pair) -> list[FloatArray]:
     design, wanted = pair.equations
     solved = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0]
     levers = np.asarray(solved.reshape(2, 3), dtype=np.float64)
-    *parent, child = [turn.mean(axis=0) for turn in _turns_with_motion(pair)]
-    turns = np.array([*(parent or [np.zeros((3, 3))]), child])
+    moved, turns = _with_motion(pair), np.zeros((2, 3, 3))
+    room = len(turns) - len(moved)
+    turns[room:] = [body.attitude_noise(variance).mean(axis=0) for body, variance in moved]
     bent = bent_slides(np.trace(turns, axis1=1, axis2=2) / 3, np.sum(levers**2, axis=1))
     angle = angles(pair.relative)
     products, angle = _of_unit_size(_products(angle)), _of_unit_size(angle - angle.mean(axis=0))
-    found: list[FloatArray] = []
-    for body, lever, turn, of_bent in zip((pair.parent, pair.child), levers, turns, bent, strict=True):
-        if body is None:
-            found.append(np.zeros((*angle.shape, 0)))
-            continue
+    found = [np.zeros((len(angle), 3, 0))] * room
+    for (body, variance), lever, turn, of_bent in zip(moved, levers[room:], turns[room:], bent[room:], strict=True):
         arm = cross_matrices(lever[None])[0]
-        of_mean = with_motion(pair, body) / float(body.weights.sum(axis=1).mean())
+        of_mean = variance / float(body.weights.sum(axis=1).mean())
         variances, axes = np.linalg.eigh(arm @ turn @ arm.T + of_mean * np.eye(3))
         linear = axes * np.sqrt(np.maximum(variances, 0.0))
         both = ((angle, linear), (products, np.sqrt(of_bent) * np.eye(3)))

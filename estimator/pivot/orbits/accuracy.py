@@ -8,6 +8,7 @@ often the path shows that there is none; where it does not, the claim has to all
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,8 @@ def with_errors_of_orbit(
         oblateness = oblateness_on(orbit, found.position, (path.begin, path.end))
         if oblateness is not None:
             beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
-            if (shown := beside.is_shown) or beside.doubtful((1.0,)):
+            excess = beside.excess(1.0)
+            if (shown := excess <= -DECISIVE) or (excess < DECISIVE and beside.matters(1.0)):
                 parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
     elif path.prior.index(ORBIT_ERROR) is None:
         told = orbit.accuracy is not None
@@ -107,23 +109,25 @@ class _Beside:
         further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
         return cls(found, path.prior, further, np.exp(forced.prior.offset[path.base.size :]))
 
-    @property
-    def is_shown(self) -> bool:
-        """Whether the tracks are ten times likelier with it."""
-        return self._cost(NEGLIGIBLE) - self._cost(1.0) >= DECISIVE
-
     def doubtful(self, shares: Sequence[float]) -> float:
-        """The first of some shares of its deviations that the tracks do not exclude, if the claim is much wider with
-        it, at any frame in any direction; 0 if there is none.
-        """
-        exact = self._cost(NEGLIGIBLE)
-        for share in shares:
-            if self._cost(share) - exact < DECISIVE:
-                own, wider = self._claimed(NEGLIGIBLE), self._claimed(share)
-                return share if np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2 else 0.0
-        return 0.0
+        """The first of some shares of its deviations that the tracks do not exclude, if it matters; else 0."""
+        share = next((one for one in shares if self.excess(one) < DECISIVE), 0.0)
+        return share if share and self.matters(share) else 0.0
 
-    def _cost(self, share: float) -> float:
+    def excess(self, share: float) -> float:
+        """By how much −2 ln of the marginal likelihood is more with a share of its deviations than without it."""
+        return self._evidence(share) - self._without
+
+    def matters(self, share: float) -> bool:
+        """Whether the claim is much wider with a share of its deviations, at any frame in any direction."""
+        own, wider = self._claimed(NEGLIGIBLE), self._claimed(share)
+        return bool(np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2)
+
+    @cached_property
+    def _without(self) -> float:
+        return self._evidence(NEGLIGIBLE)
+
+    def _evidence(self, share: float) -> float:
         """−2 ln of the marginal likelihood for a share of its deviations, up to a constant."""
         prior = self._with(share)
         return cost(self.further.linear, prior, maximise(self.further.linear, prior))
