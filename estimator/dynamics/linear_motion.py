@@ -105,11 +105,11 @@ class Motion:
 
     def position(self, time: FloatArray) -> FloatArray:
         """The positions (n, 3, c) in m at times (n,) in s."""
-        return self._evaluated(time, lambda h, s: [np.ones_like(s), h * s, *(h * h * _second_integrals(s)).T])
+        return self._evaluated(time, lambda h, s: [np.ones_like(s), h * s, h * h * _second_integrals(s).T])
 
     def velocity(self, time: FloatArray) -> FloatArray:
         """The velocities (n, 3, c) in m/s at times (n,) in s."""
-        return self._evaluated(time, lambda h, s: [np.zeros_like(s), np.ones_like(s), *(h * _first_integrals(s)).T])
+        return self._evaluated(time, lambda h, s: [np.zeros_like(s), np.ones_like(s), h * _first_integrals(s).T])
 
     def __add__(self, other: "Motion") -> "Motion":
         return Motion(self.panels, self.state + other.state, self.total + other.total)
@@ -118,21 +118,23 @@ class Motion:
         """The linear combinations (c, d) of the motions."""
         return Motion(self.panels, self.state @ combinations, self.total @ combinations)
 
-    def _evaluated(self, time: FloatArray, terms: Callable[[float, FloatArray], list[FloatArray]]) -> FloatArray:
+    def _evaluated(self, time: FloatArray, terms: Callable[[FloatArray, FloatArray], list[FloatArray]]) -> FloatArray:
         """The combinations (n, 3, c) of state and accelerations of the panel of each time.
 
-        terms: what multiplies position, velocity and each acceleration, for a panel's length h in s and fractions s.
+        terms: what multiplies position, velocity and accelerations, (n,), (n,) and (POINTS, n), for the panels' lengths
+        h (n,) in s and fractions s (n,) of them.
         """
         edges, columns = self.panels.edges, self.state.shape[2]
         order = np.argsort(time, kind="stable")
         panel = np.clip(np.searchsorted(edges, time[order], "right") - 1, 0, len(edges) - 2)
+        h = self.panels.length[panel]
+        factors = np.vstack(terms(h, (time[order] - edges[panel]) / h)).T
         found = np.empty((len(time), 3 * columns))
         bounds = np.flatnonzero(np.diff(panel, prepend=-1, append=len(edges)))
         for begin, end in pairwise(bounds):
-            here, rows = panel[begin], order[begin:end]
-            h = float(edges[here + 1] - edges[here])
+            here = panel[begin]
             values = [self.state[here].reshape(2, -1), self.total[here].reshape(POINTS, -1)]
-            found[rows] = np.stack(terms(h, (time[rows] - edges[here]) / h), axis=1) @ np.concatenate(values)
+            found[order[begin:end]] = factors[begin:end] @ np.concatenate(values)
         return found.reshape(len(time), 3, columns)
 
 
