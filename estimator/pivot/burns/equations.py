@@ -9,8 +9,17 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrs
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, held, maximise, solved
+from baryscope.estimator.adjustment.evidence import (
+    GaussianLikelihood,
+    cholesky,
+    conditional,
+    cost,
+    held,
+    maximise,
+    solved,
+)
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
@@ -142,7 +151,7 @@ class BurnEquations:
         sought near others or over their ranges.
         """
         matrix, rhs, total = self._equations(burns, bend)
-        prior, values, best = self._whole_prior(burns), 3 * len(self.rows), near if theta is None else theta
+        prior, values, best = self.whole_prior(burns), 3 * len(self.rows), near if theta is None else theta
         for _ in range(rounds):
             linear = GaussianLikelihood(matrix / variance, rhs / variance, np.zeros(len(rhs)))
             best = _limited(linear, prior, best, limit.density) if theta is None else theta
@@ -169,15 +178,17 @@ class BurnEquations:
         bend = self.burned(burns, x).bend(self.time)
         if bend is not None and np.abs(bend).max() < BENT * np.sqrt(variance / len(self.frame)):
             bend = None
-        first = fit = self.fitted(burns, variance, 1, limit, bend, near=np.append(about.theta[:-1], np.nan))
+        first = self.fitted(burns, variance, 1, limit, bend, near=np.append(about.theta[:-1], np.nan))
+        own = slice(u, u + UNKNOWNS * len(burns))
+        mean, covariance, x = first.mean[own], first.covariance[own, own], self.path_in(first)
+        moving = _WithNoise(self, first.variance, first.theta)
         for _ in range(SETTLING):
-            own = slice(u, u + UNKNOWNS * len(fit.burns))
-            moved, still = self.burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])
-            bend = None if bend is None else self.burned(moved, self.path_in(fit)).bend(self.time)
-            fit = self.fitted(moved, fit.variance, 1, limit, bend, fit.theta)
+            burns, still = self.burned(burns).settled(mean, covariance)
+            bend = None if bend is None else self.burned(burns, x).bend(self.time)
             if still:
                 break
-        fit = self.fitted(fit.burns, fit.variance, 1, limit, bend, near=fit.theta)
+            mean, covariance, x = moving.posterior(burns, bend)
+        fit = self.fitted(burns, first.variance, NOISE_ROUNDS, limit, bend, near=first.theta)
         return fit if fit.score < first.score + TOLERANCE else first
 
     def without_smooth(self, fit: BurnFit) -> BurnFit:
@@ -200,7 +211,7 @@ class BurnEquations:
         durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
         x = fit.mean.copy()
         x[durations] = 0.0
-        precision = held(GaussianLikelihood(matrix / fit.variance, rhs, x), self._whole_prior(burns), fit.theta)[0]
+        precision = held(GaussianLikelihood(matrix / fit.variance, rhs, x), self.whole_prior(burns), fit.theta)[0]
         gone = durations
         if not self._noisy(fit):
             gone = np.append(durations, np.arange(len(x) - 3 * self.cells, len(x)))
@@ -235,7 +246,8 @@ class BurnEquations:
         return np.asarray(rows.reshape(-1, rows.shape[2]))
 
     @cached_property
-    def _gram(self) -> FloatArray:
+    def gram(self) -> FloatArray:
+        """The products of all columns of the weighted equations, what is observed being the last."""
         return np.asarray(self._weighted.T @ self._weighted)
 
     def burned(self, burns: tuple[Burn, ...], about: FloatArray | None = None) -> BurnedPath:
@@ -246,31 +258,83 @@ class BurnEquations:
         """The prior of offsets, path and burns."""
         return self.others.joined(Prior.known(self.burned(burns).variances)) if burns else self.others
 
-    def _whole_prior(self, burns: tuple[Burn, ...]) -> Prior:
+    def whole_prior(self, burns: tuple[Burn, ...]) -> Prior:
         """The prior of all unknowns, with the white noise of the cells."""
         count, density = 3 * self.cells, Hyperparameter(DENSITY, optional=True)
         return self.prior(burns).joined(Prior(np.full(count, -np.log(self.width)), np.ones((count, 1)), (density,)))
 
     def _equations(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, float]:
         """The normal equations (p, p) and (p,) of offsets, path, burns and cells; and Σ of the observed squares."""
-        u, k, gram = len(self.others.offset), UNKNOWNS * len(burns), self._gram
-        size = len(gram) - 1 + k
+        u, k, gram = len(self.others.offset), UNKNOWNS * len(burns), self.gram
+        size, part = len(gram) - 1 + k, self.of_burns(burns, bend)
         places, own = np.concatenate([np.arange(u), np.arange(u + k, size)]), np.arange(u, u + k)
-        matrix, rhs, total = np.zeros((size, size)), np.zeros(size), float(gram[-1, -1])
-        matrix[np.ix_(places, places)], rhs[places] = gram[:-1, :-1], gram[:-1, -1]
-        if burns:
-            columns = (self.root @ self.burned(burns).columns(self.time)[self.frame]).reshape(-1, k)
-            cross = columns.T @ self._weighted
-            matrix[np.ix_(own, places)], rhs[own] = cross[:, :-1], cross[:, -1]
-            matrix[np.ix_(places, own)] = cross[:, :-1].T
-            matrix[np.ix_(own, own)] = columns.T @ columns
-            if bend is not None:
-                moved = (self.root @ bend[self.frame][:, :, None]).ravel()
-                by_others = moved @ self._weighted
-                rhs[places] -= by_others[:-1]
-                rhs[own] -= moved @ columns
-                total += float(moved @ moved - 2 * by_others[-1])
-        return matrix, rhs, total
+        matrix, rhs = np.zeros((size, size)), np.zeros(size)
+        matrix[np.ix_(places, places)], rhs[places] = gram[:-1, :-1], part.others
+        matrix[np.ix_(own, places)], rhs[own] = part.cross, part.rhs
+        matrix[np.ix_(places, own)], matrix[np.ix_(own, own)] = part.cross.T, part.own
+        return matrix, rhs, part.total
+
+    def of_burns(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> "_OfBurns":
+        """What burns make of the normal equations."""
+        gram, k = self.gram, UNKNOWNS * len(burns)
+        if not burns:
+            return _OfBurns(np.zeros((0, len(gram) - 1)), np.zeros((0, 0)), np.zeros(0), gram[:-1, -1], gram[-1, -1])
+        columns = (self.root @ self.burned(burns).columns(self.time)[self.frame]).reshape(-1, k)
+        cross, moved = columns.T @ self._weighted, np.zeros(len(columns))
+        if bend is not None:
+            moved = (self.root @ bend[self.frame][:, :, None]).ravel()
+        by_others = moved @ self._weighted
+        total = float(gram[-1, -1] + moved @ moved - 2 * by_others[-1])
+        rhs = cross[:, -1] - moved @ columns
+        return _OfBurns(cross[:, :-1], columns.T @ columns, rhs, gram[:-1, -1] - by_others[:-1], total)
+
+
+@dataclass(frozen=True, eq=False)
+class _OfBurns:
+    """What k unknowns of burns make of the normal equations with o others, those of the cells last.
+
+    cross (k, o), own (k, k): the information; rhs (k,) of the burns, others (o,) that of the others; total: Σ of the
+    observed squares.
+    """
+
+    cross: FloatArray
+    own: FloatArray
+    rhs: FloatArray
+    others: FloatArray
+    total: float
+
+
+@dataclass(frozen=True, eq=False)
+class _WithNoise:
+    """The equations with a variance and hyperparameters, which are held while the burns' times move.
+
+    All but the burns then is factored once.
+    """
+
+    equations: BurnEquations
+    variance: float
+    theta: FloatArray
+
+    @cached_property
+    def _factor(self) -> FloatArray:
+        """The Cholesky factor of the information and the prior of offsets, path and cells."""
+        information = self.equations.gram[:-1, :-1] / self.variance
+        linear, none = GaussianLikelihood(information, np.zeros(0), np.zeros(0)), self.equations.whole_prior(())
+        return cholesky(information, held(linear, none, self.theta)[0])
+
+    def posterior(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean (k,) and covariance (k, k) of the unknowns of the burns, and the mean (p,) of the path's."""
+        equations = self.equations
+        part = equations.of_burns(burns, bend)
+        right = np.column_stack([part.cross.T, part.others]) / self.variance
+        alone = np.asarray(dpotrs(self._factor, right, lower=True)[0])
+        told = (part.own - part.cross @ alone[:, :-1]) / self.variance
+        told.flat[:: len(told) + 1] += 1 / equations.burned(burns).variances
+        covariance = solved((told + told.T) / 2, np.eye(len(told)))
+        mean = covariance @ ((part.rhs - part.cross @ alone[:, -1]) / self.variance)
+        first = equations.offsets
+        path = (alone[:, -1] - alone[:, :-1] @ mean)[first : first + equations.base.size]
+        return mean, covariance, path
 
 
 def burn_equations(posed: Posed, time: FloatArray, base: Path, about: FloatArray, orbit: Orbit | None) -> BurnEquations:
