@@ -1,20 +1,17 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
 from baryscope.estimator.adjustment.evidence import held, improved
-from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
-from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
-from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.process_noise import enriched
 from baryscope.estimator.dynamics.seen_path import as_seen
@@ -22,6 +19,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features, with_found_attitudes
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
+from baryscope.estimator.pivot.lasting_and_shared import LastingAndShared
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, regained, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
 from baryscope.estimator.pivot.pivot_solution import LastStep, PivotSolution, spurious_of_known
@@ -38,7 +36,6 @@ FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these aga
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 NEARLY, LONGEST = 1.0, 60  # the same of a step that is near the end, so that rounds are added, and of these the most
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
-SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
 LASTING_TOLERANCE = 0.1  # relative change of the number of frames with the same errors
 SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over which the frames' shifts are told
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
@@ -55,29 +52,6 @@ def refined(start: InitialSolution, options: PathOptions) -> PivotSolution:
     while not search.converged and search.rounds < search.most:
         search.go_on()
     return search.found()
-
-
-@dataclass(frozen=True, eq=False)
-class _LastingAndShared:
-    """What is taken for given of errors that are not new in every observation, until the steps have converged.
-
-    lasting: how many frames have the same errors of the features; slip: the variance of a position that slips, m²;
-    shifts: of the frames, None where there are none, for `told`, the variance of an observation of weight 1 in what all
-    frames tell, m² or 1.
-    """
-
-    lasting: float
-    slip: float = 0.0
-    told: float = np.nan
-    shifts: FrameShifts | None = None
-
-    def at(self, errors: SharedErrors | None, origin: FloatArray, frame_variance: float) -> "_LastingAndShared":
-        """With the shifts at a path, origin (n, 3) in C, m, by noise of the camera's attitude and by slip.
-
-        frame_variance: of an observation of weight 1 in a frame by itself.
-        """
-        shifts = FrameShifts.of(errors, origin, self.slip, frame_variance, self.lasting)
-        return replace(self, told=self.lasting * frame_variance, shifts=shifts)
 
 
 class _Refinement:
@@ -109,7 +83,7 @@ class _Refinement:
         self.floor = least_variance(start.measured, ROUNDING)
         self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
-        self.errors = _LastingAndShared(start.lasting)
+        self.errors = LastingAndShared(start.lasting)
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.posed, self.extended = False, False, False
@@ -134,6 +108,8 @@ class _Refinement:
             if self.scan:
                 self.simple, self.here = None, None
         self.converged = self.converged and self._is_complete() and self._is_consistent()
+        if self._goes_round():
+            self._slips_otherwise(more=True)
         self._hold_offsets()
         if not self.converged and self.rounds == self.most < LONGEST and self._is_within(NEARLY):
             self._go_on_for(FIRM_ROUNDS)
@@ -278,14 +254,8 @@ class _Refinement:
                 self.here = None
                 return False
         given, at = self.errors, (self.bodies, self.observations, self._origin())
-        if self.start.slips:
-            significant, slow = STILL if given.slip > 0 else SIGNIFICANT, self.path.name != "relative-orbit"
-            slip = position_variance(*at, self.least, given.lasting, significant, slow=slow)
-            self.errors = replace(self.errors, slip=slip)
-            if abs(slip - given.slip) > SLIP_TOLERANCE * max(slip, given.slip):
-                if given.slip == 0:  # all that was found without may be far from what is found with it
-                    self._go_on_for(MAX_ROUNDS)
-                return False
+        if self._slips_otherwise():
+            return False
         lasting = frames_per_error(*at)
         self.errors = replace(self.errors, lasting=lasting)
         if abs(lasting - given.lasting) > LASTING_TOLERANCE * max(lasting, given.lasting):
@@ -294,6 +264,32 @@ class _Refinement:
         if given.shifts is None or self.options.sigma is not None:
             return True
         return abs(lasting * self.variance - given.told) <= SHIFT_TOLERANCE * given.told
+
+    def _slips_otherwise(self, *, more: bool = False) -> bool:
+        """Whether the slip is another than was taken for given, or greater if `more`; then it is taken anew."""
+        if not self.start.slips:
+            return False
+        given = self.errors
+        slow = self.path.name != "relative-orbit"
+        found = given.slipping(self.bodies, self.observations, self._origin(), self.least, slow=slow)
+        if more and not found.slip > given.slip:
+            return False
+        self.errors = found
+        if not found.slips_unlike(given):
+            return False
+        if given.slip == 0:  # all that was found without may be far from what is found with it
+            self._go_on_for(MAX_ROUNDS)
+        return True
+
+    def _goes_round(self) -> bool:
+        """Whether steps are long where they should have come to rest, on a path that may follow slips.
+
+        Without their noise steps may lead from a path that follows slips, with wrong offsets, to one that does not, and
+        back, each likelier from where the other is. Then what the latter leaves tells the slips.
+        """
+        assert self.last is not None  # noqa: S101  there was a step
+        follows = self.simple is None and len(self.path.prior.hyperparameters) > 0
+        return follows and self.rounds >= WANDERING and self.last.decrease > NEARLY * self.least
 
     def _hold_offsets(self) -> None:
         """Hold the offsets against spurious information where the iteration ends, or wanders in what is not told.

@@ -12,6 +12,7 @@ from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.refinement import LONGEST, MAX_ROUNDS
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.study.population.judging import of_estimate, prepared, wrong
 
 NOISE = 6.4e-4
 
@@ -44,3 +45,18 @@ def test_rounds_are_added_where_steps_are_near_their_end(seed):
     assert [one.labels for one in found.findings if isinstance(one, MovingFeatures)] == [("c",)]
     error = found.position[100] - joint[100]
     assert error @ np.linalg.solve(found.covariance[100], error) < chi2.isf(1e-4, 3)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_noise_that_frames_share_is_looked_for_where_steps_go_round(told):
+    """A camera that shakes by 2 mm, and a body that turns nearly about an axis, along which its place is hardly told.
+
+    A path that follows the shaking has a place metres away that one without process noise has not: steps went from the
+    one to the other for ever, as what frames share was looked for only where they had come to rest.
+    """
+    case, sample, _ = prepared(51, 1, "third")
+    found = estimate(sample.tracks, orbit=case.orbit if told else None)
+    assert found.converged
+    line = of_estimate(found, case.path)
+    assert not wrong(line)
+    assert line["rmse"] < 0.1
