@@ -7,15 +7,17 @@ Slips may last. What is constant then knows as little as from white noise of s²
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
+from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.scan import scanned_minimum
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +30,7 @@ CLEAR = 1.0  # standard deviations, from which slips last: to take those that do
 LONGER, FEWEST_SPANS = 4, 8  # factor from spans to longer ones; how many spans there are, at least
 UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
 MOST_EXPLAINED = 0.8  # share of the slips' variance
+SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
 BLOCKS, BLOCK = 5, 1200  # of successive frames of a body that are looked at where slow slips are none of it, at most
 
 
@@ -141,3 +144,41 @@ def _frames_of_a_slip(series: Sequence[_Shifts], slip: float) -> float:
     frames = values / 3
     growth = growth_by_lasting(shifts, values, frames, observed, CLEAR)
     return growth / (1 - min(UNKNOWNS * growth / frames, MOST_EXPLAINED)) if growth > 1 else growth
+
+
+@dataclass(frozen=True, eq=False)
+class LastingAndShared:
+    """What is taken for given of errors that are not new in every observation, until the steps have converged.
+
+    lasting: how many frames have the same errors of the features; slip: the variance of a position that slips, m²;
+    shifts: of the frames, None where there are none, for `told`, the variance of an observation of weight 1 in what all
+    frames tell, m² or 1.
+    """
+
+    lasting: float
+    slip: float = 0.0
+    told: float = np.nan
+    shifts: FrameShifts | None = None
+
+    def at(self, errors: SharedErrors | None, origin: FloatArray, frame_variance: float) -> "LastingAndShared":
+        """With the shifts at a path, origin (n, 3) in C, m, by noise of the camera's attitude and by slip.
+
+        frame_variance: of an observation of weight 1 in a frame by itself.
+        """
+        shifts = FrameShifts.of(errors, origin, self.slip, frame_variance, self.lasting)
+        return replace(self, told=self.lasting * frame_variance, shifts=shifts)
+
+    def slipping(
+        self, bodies: Sequence[Body], observations: Observations, origin: FloatArray, variance: float, *, slow: bool
+    ) -> "LastingAndShared":
+        """With the slip that a path, origin (n, 3) in C, m, leaves.
+
+        variance: of an observation of weight 1; slow: whether slips may be slow, see `position_variance`.
+        """
+        significant = STILL if self.slip > 0 else SIGNIFICANT
+        slip = position_variance(bodies, observations, origin, variance, self.lasting, significant, slow=slow)
+        return replace(self, slip=slip)
+
+    def slips_unlike(self, other: "LastingAndShared") -> bool:
+        """Whether the slip is clearly another."""
+        return abs(self.slip - other.slip) > SLIP_TOLERANCE * max(self.slip, other.slip)

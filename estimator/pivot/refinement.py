@@ -10,6 +10,7 @@ from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom
 from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
+from baryscope.estimator.adjustment.position_noise import LastingAndShared
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -19,7 +20,6 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features, with_found_attitudes
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
-from baryscope.estimator.pivot.lasting_and_shared import LastingAndShared
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, regained, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
 from baryscope.estimator.pivot.pivot_solution import LastStep, PivotSolution, spurious_of_known
