@@ -39,6 +39,8 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6  # share of a force's deviations, that is as none
+# Shares of what is likely where nothing is told. The tracks may exclude that, and not less, which matters.
+OF_ORBIT, OF_PUSH = (1.0, 0.1, 0.01), (1.0, 0.1)
 RESTS = 2.0  # times as wide a claim, from which the answer rests on a force
 
 
@@ -67,12 +69,13 @@ def with_errors_of_orbit(
         told = orbit.accuracy is not None
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
-        if told or _Beside.of(found, path, displaced).doubtful((1.0,)):
-            parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, deviation))
+        if share := 1.0 if told else _Beside.of(found, path, displaced).doubtful(OF_ORBIT):
+            displaced = replace(displaced, deviations=share * displaced.deviations)
+            parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, share * deviation))
     if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
         pushed, size = constant_of("lvlh", orbit, path.begin, path.end), untold_push(orbit)
         pushed = replace(pushed, deviations=np.full(3, size))
-        if share := _Beside.of(found, path, pushed).doubtful((1.0, 0.1)):
+        if share := _Beside.of(found, path, pushed).doubtful(OF_PUSH):
             pushed = replace(pushed, deviations=share * pushed.deviations)
             parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, share * size))
     if not parts:

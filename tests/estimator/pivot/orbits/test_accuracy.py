@@ -141,3 +141,14 @@ def falling(gravity):
     first = np.array([*target[0], *target[1], *chaser[0], *chaser[1]], dtype=float)
     found = solve_ivp(rates, (0, time[-1]), first, "DOP853", time, rtol=1e-12, atol=1e-9)  # 7e-6 m in a step
     return time, (found.y[:3] - found.y[6:9]).T
+
+
+def test_an_orbit_that_is_off_by_less_than_what_is_likely_is_allowed_for_too():
+    """By 198 m in the semi-major axis, for a turn in 11 minutes: the tracks exclude 0.2°, and not a tenth of it, with
+    which the claim is three times as wide. The answer had a NEES of 77.
+    """
+    case, sample, _ = prepared(52, 21, "third")
+    found = estimate(sample.tracks, orbit=case.orbit)
+    (finding,) = [one for one in found.findings if isinstance(one, UntoldAccuracy)]
+    assert finding.place < 0.11 * np.deg2rad(0.2) * case.orbit.semi_major_axis
+    assert not wrong(of_estimate(found, case.path))
