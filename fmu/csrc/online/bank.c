@@ -221,7 +221,7 @@ static void start_bank(Online *filter) {
     pack_member(&large, &first);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
-        go_on(&first, m < STEADY ? kind_of(filter, m) : 0, &filter->bank[m]);
+        go_on(&first, m < count_of(filter) ? kind_of(filter, m) : 0, &filter->bank[m]);
         filter->bank[m].weight = weight;
     }
     filter->bank[SHADOW] = first;

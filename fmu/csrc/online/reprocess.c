@@ -92,7 +92,7 @@ static int take_again(Online *filter) {
     for (int j = 0; j < JUMPS; j++) jumps[j] = filter->jump[j];
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];
-        go_on(&filter->first, m < STEADY ? kind_of(filter, m) : 0, &filter->bank[m]);
+        go_on(&filter->first, m < count_of(filter) ? kind_of(filter, m) : 0, &filter->bank[m]);
         filter->bank[m].weight = first_weight(filter, m);
     }
     for (int k = 0; k < count && sound; k++) {

@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+import subprocess
 from importlib.resources import files
 
 import numpy as np
@@ -11,9 +12,10 @@ from baryscope.estimator.limits import FARTHEST, LATEST
 from baryscope.estimator.online import OnlineStatus
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Thrust, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
+from baryscope.fmu.generate.compiler import find_compiler
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.sensor.navigation import STATUSES
-from compiling import library_of, online_core_of
+from compiling import compiled, library_of, online_core_of
 
 HEADER = re.sub(
     r"/\*.*?\*/", "", (files("baryscope.fmu") / "csrc" / "online" / "online.h").read_text("utf-8"), flags=re.DOTALL
@@ -157,3 +159,38 @@ def test_what_is_out_of_range_is_refused_and_what_is_in_it_does_not_overflow(wat
         result = names_of("OnlineResult")[refused.value]
         assert result == (refusal if change else "ACCEPTED")
         assert (memory.raw == before) == (result != "ACCEPTED")
+
+
+FLIGHT = """#include "library.c"
+int main(void)
+{
+    static Online filter;
+    const OnlineOptions options = {.sigma = 0.01, .offset = 2.0, .speed = 1.0, .thrust = 0.02, .longest_gap = 1e5, .on_orbit = 1.0,
+                                   .elements = {7e6, 0.001, 1.0, 0.5, 0.3, 0.2, 3.986004418e14}};
+    const long long names[] = {0, 1, 2, 3, 4};
+    const double shape[5][3] = {{1}, {-1, 0.5}, {0.2, -1, 0.3}, {0, 0.1, 1}, {0.4, 0.3, -1}};
+    online_start(&filter, &options);
+    for (int k = 0; k < 90; k++) {
+        const OnlineThrust thrust = {{k > 45 ? 1e-3 : 0.0}, {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};
+        const double turn[3] = {0.06 * k, 0.03 * k, 0.12 * k};
+        double R[3][3], points[5][3];
+        OnlineState state;
+        rotation(turn, R);
+        for (int i = 0; i < 5; i++) times(R, shape[i], points[i]), points[i][1] += 20.0;
+        if (online_update(&filter, k, 5, names, points[0], 0, &thrust) != ACCEPTED) return 2;
+        if (online_predict(&filter, k + 1.0, &thrust, &state) != ACCEPTED) return 3;
+    }
+    return filter.manoeuvred != 1.0;
+}"""
+
+
+@pytest.mark.skipif("zig" in " ".join(find_compiler()), reason="zig has no library of the sanitizer")
+def test_no_array_is_read_beyond_its_end(tmp_path):
+    """On an orbit, where not all members of the bank are, before thrust and after."""
+    for name, content in sources().items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "flight.c").write_text(FLIGHT)
+    checks = ("-O0", "-fsanitize=bounds", "-fno-sanitize-recover=all")
+    compiled(tmp_path, *checks, "-Wno-error", "flight.c", "-o", "flight", "-lm")
+    result = subprocess.run([tmp_path / "flight"], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
