@@ -202,7 +202,7 @@ static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int n, const 
 /* The update with one point of a node whose mean time is `lag` s ago; dx are the errors found so far in this node, and
    errors before `first` are none. 0 where rounding has left the covariance indefinite. The rows of features are updated from the
    diagonal on: `complete_covariance` has to follow the last point. */
-static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
+WIDE static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
     const int n = size_of(filter), at = FEATURES + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
     double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], of_feature[3][MOST_ERRORS], L[9], e[3];

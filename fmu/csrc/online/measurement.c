@@ -137,7 +137,7 @@ static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3])
    have covariances of their own, as a rig's, by which each side of the target is weighed otherwise, it comes again with each side, and is no
    noise, new in each node, of which many nodes make nothing. So it counts as often as there are nodes in a turn, after the nodes that
    are kept, which are somewhat more than a turn: in the first turn nothing comes again. */
-static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Measurement *measurement,
+WIDE static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Measurement *measurement,
                    double turned_by[3][3]) {
     enum { BEFORE = OF_MAP, TURNED = 2 * OF_MAP, ROWS = TURNED + 3 };
     const double nodes = filter->pairs > 0.0 && filter->stored_count < 0.0 ? NODES_OF_A_TURN : 1.0;

@@ -43,7 +43,7 @@ static ALWAYS_INLINE void spread_member(int n, int bent, const Transition *trans
 }
 
 /* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. Without process noise. */
-static void transit(Member *member, const Transition *transition) {
+WIDE static void transit(Member *member, const Transition *transition) {
     const double T = transition->span;
     const int bent = bends(member);
     double x[6];
@@ -103,7 +103,7 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
    the other. */
-static void add_change(Member *member, const Measurement *measurement) {
+WIDE static void add_change(Member *member, const Measurement *measurement) {
     const int n = (int)member->errors;
     double more[OF_MAP][ERRORS], x[OF_MAP], (*of_map)[ERRORS] = &member->P[OFFSET];
     for (int a = 0; a < OF_MAP; a++) {
@@ -158,7 +158,7 @@ static ALWAYS_INLINE void with_node(int n, int bent, int k, const double by[PATH
 
 /* What a node is not where a member predicts it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
    there is no factor. */
-static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
+WIDE static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
     const double bend = measurement->bend, (*P)[ERRORS] = member->P;
     const int manoeuvred = member->errors > MOTION, bent = bends(member);
     double by[3][PATH_AND_MAP];
@@ -195,7 +195,7 @@ static ALWAYS_INLINE void add_to_rows(int begin, int end, int width, const doubl
 }
 
 /* The same of all rows of a member: those of an acceleration are zero unless its path bends. */
-static void add_products(Member *member, const double B[3][ERRORS], const double C[3][ERRORS]) {
+WIDE static void add_products(Member *member, const double B[3][ERRORS], const double C[3][ERRORS]) {
     add_to_rows(0, OFFSET, OFFSET, B, C, member->P);
     add_to_rows(OFFSET, PATH_AND_MAP, PATH_AND_MAP, B, C, member->P);
     if (bends(member)) add_to_rows(PATH_AND_MAP, MOTION, MOTION, B, C, member->P);

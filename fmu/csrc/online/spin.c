@@ -170,7 +170,7 @@ static ALWAYS_INLINE void spread_errors(int first, const double F[6][SPIN], cons
 }
 
 /* The errors of a spin go on: F and Q are those of `spin_on`. */
-static void errors_on(SpinErrors *errors, int pulled, const double F[6][SPIN], const double Q[6][6]) {
+WIDE static void errors_on(SpinErrors *errors, int pulled, const double F[6][SPIN], const double Q[6][6]) {
     double x[6][TORQUES] = {{0}};
     for (int i = 0; i < 6; i++) by_columns(0, F[i], errors->x[0], TORQUES, x[i]);
     for (int i = 0; i < 6; i++)
@@ -183,7 +183,7 @@ static void errors_on(SpinErrors *errors, int pulled, const double F[6][SPIN], c
 
 /* The update with the turn in C from the spin's attitude to that of a node, by L D L' of the innovations' covariance; squares: weighted, of
    these. Where rounding has left that indefinite the square is INFINITY and the weight none. */
-static void update_errors(SpinErrors *errors, const double turn[3], const double noise[3][3], double squares[TORQUES]) {
+WIDE static void update_errors(SpinErrors *errors, const double turn[3], const double noise[3][3], double squares[TORQUES]) {
     double W[3][SPIN][TORQUES], V[3][SPIN][TORQUES], e[3][TORQUES], L[3][TORQUES], D[3][TORQUES], back[3][TORQUES];
     for (int k = 0; k < 3; k++)
         for (int a = 0; a < SPIN; a++)

@@ -191,7 +191,7 @@ static void centre_reference(ReferenceTumble *reference) {
 }
 
 /* The mean of all filters, their covariance, and the mean density of torque but of those that are as good as refuted. */
-static void sum_up(Tumble *tumble, int count) {
+WIDE static void sum_up(Tumble *tumble, int count) {
     int first = best_reference(tumble, count);
     double apart[REFERENCES][SPIN], share[REFERENCES][TORQUES], mean[SPIN] = {0}, sum = 0.0, torque = 0.0, each[SPIN_PAIRS][TORQUES] = {{0}};
     tumble->spin = tumble->reference[first].spin;
