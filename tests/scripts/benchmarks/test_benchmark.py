@@ -212,6 +212,17 @@ def test_frames_are_timed_and_the_end_is_judged(short, monkeypatch):
     assert "online, at the end: path" in fault
 
 
+def test_the_pivot_stage_ends_where_the_tumble_is_known(short):
+    """After a turn of Envisat, of some 100 s, and for good."""
+    seen = estimating.tracks_of(short, np.arange(150.0), 10)
+    still = np.zeros((150, 3))
+    taken, known = flying.in_c(seen, short.scenario.sensor.noise, short.scenario.orbit, still)
+    begin = int(np.argmax(known))
+    assert 60 < begin < 130
+    assert known[begin:].all()
+    assert (taken > 0).all()
+
+
 def test_what_is_seen_under_thrust_is_where_the_thrust_has_moved_it(envisat):
     """Against both orbits by scipy's DOP853, with thrust that is held from frame to frame.
 
