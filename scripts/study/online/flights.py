@@ -14,7 +14,7 @@ from baryscope.models.orbit import Orbit
 from baryscope.study.population.information import Watched, unknowns_bound
 from baryscope.study.population.populations import FIRST, POPULATIONS
 from baryscope.study.world.scenes import RATE, logged_thrust, memory, scene
-from baryscope.study.world.worlds import WORLDS
+from baryscope.study.world.worlds import WORLDS, World
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,10 @@ OF_POPULATIONS = {
     for name in POPULATIONS
     for more in ("", UNTOLD)
 }  # by suite: whose cases, and whether the orbit is told
-SUITES = (*WORLDS, *OF_POPULATIONS)
+ANY_WHITE = "white, any density"
+"""Each draw's density is one of those that the filter holds possible, as likely as it takes it for."""
+POSSIBLE = (-17.0, -5.25)  # log10 of the densities that those of its bank stand for (fmu/csrc/online/bank.c), m²/s³
+SUITES = (*WORLDS, ANY_WHITE, *OF_POPULATIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +90,16 @@ def flight(suite: str, seed: int, draw: int) -> Flight:
     return _of_population(suite, seed, draw) if suite in OF_POPULATIONS else _of_world(suite, seed, draw)
 
 
+def world_of(name: str, seed: int, draw: int) -> World:
+    """The world of a draw, which is the suite's, unless the suite's differ."""
+    if name != ANY_WHITE:
+        return WORLDS[name]
+    rng = np.random.default_rng([seed, draw, *name.encode()])
+    return replace(WORLDS["white 1e-8"], name=name, white=float(10 ** rng.uniform(*POSSIBLE)))
+
+
 def _of_world(name: str, seed: int, draw: int) -> Flight:
-    made = scene(WORLDS[name], seed, draw)
+    made = scene(world_of(name, seed, draw), seed, draw)
     n, m, own = len(made.time), len(made.points), made.jacobian.shape[2]
     # In the bound, errors that last count as white ones of as great a spectrum at frequency zero.
     keep = memory(made.time, made.world.error_time)[0]

@@ -1,13 +1,15 @@
 """Lines and tables of the online study."""
 
 import itertools
+import re
+from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from baryscope.estimator.online import OnlineStatus
 from baryscope.study.online.__main__ import main
-from baryscope.study.online.flights import POPULATION, flight
+from baryscope.study.online.flights import ANY_WHITE, POPULATION, POSSIBLE, flight, world_of
 from baryscope.study.online.judging import END, judged
 from baryscope.study.online.report import ends, table
 from baryscope.study.population.consistency import WRONG, nees
@@ -30,6 +32,19 @@ def test_a_line_is_beside_its_bound(line):
     assert at["error"] < 5 * at["bounds"]["free"]
     assert at["nees"] < 25
     assert not line["stray"]
+
+
+def test_densities_are_those_that_the_bank_holds_possible():
+    """One is as likely as what is nearer to it than to others, in the logarithm, is wide."""
+    text = (files("baryscope.fmu") / "csrc" / "online" / "bank.c").read_text("utf-8")
+    bank = np.log10([float(one) for one in re.search(r"DENSITY\[DENSITIES\] = \{([^}]*)\}", text)[1].split(",")])
+    ends = (1.5 * bank[0] - 0.5 * bank[1], 1.5 * bank[-1] - 0.5 * bank[-2])
+    assert pytest.approx(ends) == POSSIBLE
+    found = np.array([np.log10(world_of(ANY_WHITE, 1, draw).white) for draw in range(400)])
+    width = POSSIBLE[1] - POSSIBLE[0]
+    assert found.mean() == pytest.approx(sum(POSSIBLE) / 2, abs=4 * width / np.sqrt(12 * 400))
+    assert POSSIBLE[0] < found.min() < POSSIBLE[0] + 0.02 * width
+    assert POSSIBLE[1] > found.max() > POSSIBLE[1] - 0.02 * width
 
 
 def test_the_causal_bound_at_the_end_is_that_of_all_observations():
