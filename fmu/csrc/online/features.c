@@ -44,8 +44,34 @@ static void inform(Feature *feature, const Frame *frame, int i, const double arm
     feature->sightings += frame->sightings[i];
 }
 
+/* A feature that leaves has a share in what the bank knows of offset and scale. The others that have one take it, alike: else an offset of all
+   features would be that of a part of them, and pass for a change when the next node sees it whole. What they are wrong by otherwise than the one
+   that leaves is new to the bank. */
+static void hand_over_share(Online *filter, int slot) {
+    const int used = (int)filter->used, n = 3 * used;
+    double lost[OF_MAP][3], D[OF_MAP][3 * MOST_FEATURES] = {{0}}, heirs = 0.0;
+    int is_heir[MOST_FEATURES];
+    for (int f = 0; f < used; f++) heirs += is_heir[f] = f != slot && dot(filter->share[f][0], filter->share[f][0]) > 0.0;
+    copy_shares(filter->share[slot], lost);
+    if (!(dot(lost[0], lost[0]) > 0.0) || heirs == 0.0) return;
+    for (int f = 0; f < used; f++)
+        for (int a = 0; a < OF_MAP; a++)
+            for (int k = 0; k < 3; k++) {
+                D[a][3 * f + k] = f == slot ? -lost[a][k] : is_heir[f] ? lost[a][k] / heirs : 0.0;
+                filter->share[f][a][k] += D[a][3 * f + k];
+            }
+    for (int a = 0; a < OF_MAP; a++)
+        for (int b = 0; b <= a; b++) {
+            double sum = 0.0;
+            for (int i = 0; i < n; i++)
+                for (int j = 0; j < n; j++) sum += D[a][i] * filter->P[FEATURES + i][FEATURES + j] * D[b][j];
+            for (int m = 0; m <= SHADOW; m++) filter->bank[m].P[packed_index(OFFSET + a, OFFSET + b)] += sum;
+        }
+}
+
 /* Take a feature out of the map; the last one takes its place. */
 static void forget(Online *filter, int slot) {
+    hand_over_share(filter, slot);
     int last = (int)filter->used - 1, n = size_of(filter);
     for (int k = 0; k < 3 && slot != last; k++) {
         int from = FEATURES + 3 * last + k, to = FEATURES + 3 * slot + k;

@@ -47,6 +47,15 @@ def test_densities_are_those_that_the_bank_holds_possible():
     assert POSSIBLE[1] > found.max() > POSSIBLE[1] - 0.02 * width
 
 
+@pytest.mark.parametrize("draw", [135, 161, 209])
+def test_a_feature_that_leaves_the_map_takes_nothing_of_the_offset_along(draw):
+    """The offset then was that of a part of the map, and grew with the next node: answers were metres off."""
+    made = flight(POPULATION, 1, draw)
+    last = list(made.states())[-1]
+    assert last.status is OnlineStatus.TRACKING
+    assert nees(last.position - made.path[-1], last.covariance[:3, :3]) < WRONG
+
+
 def test_the_causal_bound_at_the_end_is_that_of_all_observations():
     made = flight("as modelled", 3, 0)
     _, bounds = prepared("as modelled", 3, 0)  # rms over the path; the end is less certain than the mean
