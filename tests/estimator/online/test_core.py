@@ -165,8 +165,8 @@ FLIGHT = """#include "library.c"
 int main(void)
 {
     static Online filter;
-    const OnlineOptions options = {.sigma = 0.01, .offset = 2.0, .speed = 1.0, .thrust = 0.02, .longest_gap = 1e5, .on_orbit = 1.0,
-                                   .elements = {7e6, 0.001, 1.0, 0.5, 0.3, 0.2, 3.986004418e14}};
+    const OnlineOptions options = {.sigma = 0.01, .offset = 2.0, .speed = 1.0, .thrust = 0.02, .longest_gap = 1e5,
+                                   .on_orbit = 1.0, .elements = {7e6, 0.001, 1.0, 0.5, 0.3, 0.2, 3.986004418e14}};
     const long long names[] = {0, 1, 2, 3, 4};
     const double shape[5][3] = {{1}, {-1, 0.5}, {0.2, -1, 0.3}, {0, 0.1, 1}, {0.4, 0.3, -1}};
     online_start(&filter, &options);
