@@ -15,13 +15,7 @@ from baryscope.estimator.adjustment.diagnostics import cluster_of, observability
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen_path import as_seen, errors_in, of_true_size
-from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.ml.attached import AttachedAxes
@@ -29,6 +23,12 @@ from baryscope.estimator.ml.likelihood import Equations, equations
 from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import DENSEST, PathOptions
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit
+from baryscope.estimator.paths.sampled_path import SampledPath
+from baryscope.estimator.paths.seen_path import as_seen, errors_in, of_true_size
+from baryscope.estimator.paths.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.thrust import KnownAcceleration

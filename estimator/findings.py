@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from baryscope.estimator.dynamics.burns import FoundBurn
+from baryscope.estimator.paths.burns import FoundBurn
 
 FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
 

@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.dynamics.extrapolated_path import extrapolated, untold_of
-from baryscope.estimator.dynamics.forces import lasting, untold_firings
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
+from baryscope.estimator.paths.extrapolated_path import extrapolated, untold_of
+from baryscope.estimator.paths.forces import lasting, untold_firings
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.turning import TurningPoint, carried, curved
 from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError

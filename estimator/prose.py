@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
-from baryscope.estimator.dynamics.extended_path import Factor
-from baryscope.estimator.dynamics.forces import VARIES
 from baryscope.estimator.findings import (
     FREE_TUMBLE,
     ChangingNoise,
@@ -35,6 +33,8 @@ from baryscope.estimator.findings import (
 )
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.paths.extended_path import Factor
+from baryscope.estimator.paths.forces import VARIES
 from baryscope.estimator.result import Estimate, ProcessNoise, Status
 from baryscope.models.words import counted
 

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
 from baryscope.estimator.details import Details
-from baryscope.estimator.dynamics.extended_path import Factor
 from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding, FreeAttitudes
 from baryscope.estimator.formats.dataset import dataset
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
+from baryscope.estimator.paths.extended_path import Factor
 from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.models.errors import ComputationError, InputError, Reason

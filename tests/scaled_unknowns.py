@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
 
 from baryscope.estimator.adjustment.scan import scanned_minimum
-from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.paths.prior import Prior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

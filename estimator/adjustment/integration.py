@@ -17,7 +17,7 @@ from baryscope.estimator.adjustment.evidence import (
     objective,
     ranges,
 )
-from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.paths.prior import Prior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

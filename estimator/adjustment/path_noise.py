@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.integration import Posterior
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY, noise_in
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import DENSITY, noise_in
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.result import ProcessNoise
 

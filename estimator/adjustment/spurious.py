@@ -12,10 +12,10 @@ from baryscope.estimator.adjustment.attitude_noise import Departures
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
 from baryscope.estimator.geometry.symmetric import inverted_sums
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]

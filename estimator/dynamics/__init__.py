@@ -1,5 +1,5 @@
-"""Motion models: the path of the centre of mass and the free tumble of the body, each with its Jacobian.
+"""The free tumble of the body with its Jacobian, and how uncertainties of path and tumble grow away from the tracks.
 
 Evaluates the CasADi expressions of `baryscope.models` and their derivatives numerically.
-Uses geometry and options.
+Uses geometry and paths.
 """

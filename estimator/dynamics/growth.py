@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.linear_motion import highest_frequency
-from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
+from baryscope.estimator.paths.linear_motion import highest_frequency
+from baryscope.estimator.paths.path import Path
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]

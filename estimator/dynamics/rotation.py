@@ -26,7 +26,6 @@ from baryscope.estimator.dynamics.euler import (
     sensitivity_step,
     turn_of_step,
 )
-from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope_weights, cubic_weights, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
 from baryscope.estimator.geometry.alignment import (
     matrix_from_quaternion,
@@ -35,6 +34,7 @@ from baryscope.estimator.geometry.alignment import (
     running_products,
 )
 from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.estimator.paths.polynomials import cubic, cubic_slope_weights, cubic_weights, quintic
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.columns import evaluate
 from baryscope.models.errors import ComputationError, Reason

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.polynomials import lagrange_weights
+from baryscope.estimator.paths.polynomials import lagrange_weights
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -2,6 +2,6 @@
 
 `method` is the entry; `start` registers all frames; `passes` linearises (`linearised`, `motion`), chooses densities of
 process noise (`bank`), filters and smooths (`filter`, `solution`, `smoothness`); `spurious` and `products` widen;
-`prediction` smooths at other times, with `further_nodes`. Uses geometry, registration, dynamics, adjustment, pivot, the
-fitted tumble of ml, and result.
+`prediction` smooths at other times, with `further_nodes`. Uses geometry, registration, paths, dynamics, adjustment,
+pivot, the fitted tumble of ml, and result.
 """

@@ -20,10 +20,6 @@ import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.stereo import observations_of
-from baryscope.estimator.dynamics.burns import burned_in
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.relative_motion import orbit_in
-from baryscope.estimator.dynamics.trajectory import Trajectory, highest_degree, trajectory_of
 from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
@@ -36,6 +32,10 @@ from baryscope.estimator.orbits.error import inexact_parts
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.orbits.push import unknown_push_in
+from baryscope.estimator.paths.burns import burned_in
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.relative_motion import orbit_in
+from baryscope.estimator.paths.trajectory import Trajectory, highest_degree, trajectory_of
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.disagreement import disagreeing_by_tumble
 from baryscope.estimator.pivot.method import PivotProblem, solve_pivot

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.inertia import inertia_of, mass_of, of_a_body
-from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
+from baryscope.estimator.paths.path import Path
 from baryscope.models.attitude import INERTIA_BASIS, angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion

@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.extrapolated_path import extrapolated
-from baryscope.estimator.dynamics.process_noise import MIDDLE, lasting_variance
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, STATE, TURN, moved, points_in
@@ -13,6 +11,8 @@ from baryscope.estimator.ekf.motion import PathProcess, changed_inertia
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import growth
 from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.estimator.paths.extrapolated_path import extrapolated
+from baryscope.estimator.paths.process_noise import MIDDLE, lasting_variance
 from baryscope.estimator.prediction import Point, Prediction, beyond, grown_outside, point_in_body
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 from baryscope.estimator.turning import OF_MOTION, TurningPoint, carried, curved

@@ -10,7 +10,6 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import FARTHEST_RADII
-from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, STATE, Reference
@@ -26,6 +25,7 @@ from baryscope.estimator.ekf.motion import (
 from baryscope.estimator.ekf.solution import Prior
 from baryscope.estimator.ekf.start import Start, unit_of
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.path import FIXED, Path
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 

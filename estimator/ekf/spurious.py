@@ -5,13 +5,13 @@ and untold durations of burns.
 import numpy as np
 
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
-from baryscope.estimator.dynamics.burns import untold_durations
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import turned_information
+from baryscope.estimator.paths.burns import untold_durations
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 

@@ -21,9 +21,6 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
-from baryscope.estimator.dynamics.burns import untold_durations
-from baryscope.estimator.dynamics.extended_path import factors_of
-from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, DisagreeingClusters, ExcessResiduals, Finding
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -35,6 +32,9 @@ from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.burns import untold_durations
+from baryscope.estimator.paths.extended_path import factors_of
+from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.pivot.disagreement import disagreeing_by_tumble
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.prediction import PredictedBody, PredictedPath

@@ -11,18 +11,18 @@ from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditio
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise
-from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME
 from baryscope.estimator.ml.jacobians import Knots, worthwhile
 from baryscope.estimator.ml.likelihood import Equations, equations
 from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.ml.priors import Priors
+from baryscope.estimator.paths.blocks import Blocks
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.progress import Rounds
 
 FloatArray = NDArray[np.float64]

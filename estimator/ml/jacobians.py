@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.blocks import FEWEST, KNOTS, Blocks
 from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
+from baryscope.estimator.paths.blocks import FEWEST, KNOTS, Blocks
 
 FloatArray = NDArray[np.float64]
 

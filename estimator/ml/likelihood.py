@@ -18,11 +18,11 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.ml.model import Model
 from baryscope.estimator.ml.sums import Sums
+from baryscope.estimator.paths.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -12,13 +12,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.blocks import Blocks
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, enriched
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen_path import as_seen, errors_in
 from baryscope.estimator.ml.initial_tumble import Tumble
 from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, iterated
 from baryscope.estimator.ml.jacobians import PHASE
@@ -27,6 +21,12 @@ from baryscope.estimator.ml.model import FrameNoise
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.ml.torque_modes import with_modes, with_needed_modes
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.blocks import Blocks
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.process_noise import ProcessNoisePath, enriched
+from baryscope.estimator.paths.sampled_path import SampledPath
+from baryscope.estimator.paths.seen_path import as_seen, errors_in
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, errors_of

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.rotation import Attitudes
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.jacobians import Knots
+from baryscope.estimator.paths.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 

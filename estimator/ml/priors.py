@@ -14,11 +14,11 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.ml.likelihood import Equations
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.models.attitude import INERTIA_BASIS
 
 FloatArray = NDArray[np.float64]

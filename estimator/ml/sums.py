@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, NormalBlocks, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.blocks import PAIRS
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.jacobians import KnotsAround
 from baryscope.estimator.ml.model import FrameNoise, Model
+from baryscope.estimator.paths.blocks import PAIRS
 
 FloatArray = NDArray[np.float64]
 

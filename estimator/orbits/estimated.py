@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import parts_of
-from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import EstimatedOrbit
 from baryscope.estimator.orbits.elements import NAMES, LocalElements
 from baryscope.estimator.orbits.error import perturbing_accelerations
+from baryscope.estimator.paths.extended_path import parts_of
+from baryscope.estimator.paths.forces import Force, ForcedPath, longest_on
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.orbit import EARTH_MU, Orbit
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import parts_of
-from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.orbits.error import InexactOrbitPath, inexact_parts, perturbing_accelerations
+from baryscope.estimator.paths.extended_path import parts_of
+from baryscope.estimator.paths.forces import Force, ForcedPath, longest_on
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.trajectory import gravity_gradient, kepler_orbit_through, target_states
 from baryscope.models.orbit import Orbit

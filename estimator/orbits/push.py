@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import parts_of
-from baryscope.estimator.dynamics.forces import BROAD, SPAN_TIMES, VARIES, Force, PushedPath, constant_of
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Hyperparameter
 from baryscope.estimator.findings import PushAxes, UnknownPush
+from baryscope.estimator.paths.extended_path import parts_of
+from baryscope.estimator.paths.forces import BROAD, SPAN_TIMES, VARIES, Force, PushedPath, constant_of
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Hyperparameter
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import EARTH_RADIUS, Orbit
 

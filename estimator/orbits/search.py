@@ -16,9 +16,9 @@ from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost
-from baryscope.estimator.dynamics.paths import SmoothPath
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.orbits.elements import LocalElements, places_on_orbit
+from baryscope.estimator.paths.path import SmoothPath
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.orbit import EARTH_MU
 

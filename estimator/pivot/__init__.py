@@ -4,5 +4,5 @@
 over `free_attitudes` (by `elimination`); then `strays`, `burns` that nothing told, `unexplained` orbits, `tie_points`
 and `lack_of_fit`. `answer` is the estimate of a `pivot_solution`, with the `joint_covariance`, and the `ridge` of what
 is hardly observable.
-Uses geometry, registration, dynamics, result and adjustment.
+Uses geometry, registration, paths, dynamics, result and adjustment.
 """

@@ -19,11 +19,11 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
-from baryscope.estimator.dynamics.extended_path import factors_of
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.seen_path import errors_in, of_true_size
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.extended_path import factors_of
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.seen_path import errors_in, of_true_size
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import without_spurious_information
 from baryscope.estimator.pivot.pivot_solution import PivotSolution

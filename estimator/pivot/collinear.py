@@ -17,9 +17,9 @@ from baryscope.estimator.adjustment.spurious import (
     effective_count,
     spurious_information_columns,
 )
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.drift import drift_equations
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
 from baryscope.estimator.pivot.pivot_solution import PivotSolution

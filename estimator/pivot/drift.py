@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import RIDGE, GaussianLikelihood, conditional, improved
 from baryscope.estimator.adjustment.normal_equations import normal_blocks, turn_information
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered

@@ -18,8 +18,8 @@ from baryscope.estimator.adjustment.normal_equations import (
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.adjustment.weighted_registration import CLEARLY
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import best_attitudes
 from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.registration.body import Body

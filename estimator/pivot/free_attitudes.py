@@ -21,7 +21,6 @@ from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -30,6 +29,7 @@ from baryscope.estimator.geometry.symmetric import (
     null_space_of,
     symmetric_pseudo_inverse,
 )
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, Reason

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
 

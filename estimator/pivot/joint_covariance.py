@@ -14,12 +14,12 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     untold_decrease,
 )
-from baryscope.estimator.dynamics.burns import untold_durations
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
+from baryscope.estimator.paths.burns import untold_durations
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import without_spurious_path
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE

@@ -7,9 +7,6 @@ from scipy.special import chdtrc, fdtrc
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.subsample import subsampled
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import (
     DifferentPoints,
     DisagreeingClusters,
@@ -20,6 +17,9 @@ from baryscope.estimator.findings import (
 )
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.sampled_path import SampledPath
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
 from baryscope.estimator.pivot.pivot_solution import PivotSolution

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED, WEIGHT_CHANGE_TOLERANCE, reweighted
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.free_attitudes import linearised, told_features
 from baryscope.estimator.registration.body import Body
 

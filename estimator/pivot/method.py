@@ -18,13 +18,13 @@ from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, Subsample, subsampled
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.orbits.push import unknown_push
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.process_noise import DENSITY
+from baryscope.estimator.paths.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.burns.poses import KnownPoses
 from baryscope.estimator.pivot.burns.solution import (

@@ -13,10 +13,10 @@ from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.findings import Finding
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.sampled_path import SampledPath
+from baryscope.estimator.paths.seen_path import as_seen
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.lost_bodies import LOST
 from baryscope.estimator.pivot.offset_prior import OffsetRegularisation

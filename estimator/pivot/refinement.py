@@ -13,10 +13,10 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import LastingAndShared
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.process_noise import enriched
-from baryscope.estimator.dynamics.seen_path import as_seen
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.process_noise import enriched
+from baryscope.estimator.paths.seen_path import as_seen
 from baryscope.estimator.pivot.few_features import with_few_features, with_found_attitudes
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution

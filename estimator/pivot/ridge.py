@@ -24,11 +24,11 @@ from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import RANK
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
 from baryscope.estimator.pivot.pivot_solution import PivotSolution

@@ -18,10 +18,10 @@ from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MANY, REJECTED, Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
-from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONES
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.path import DECAY, FIRST, FREQUENCY, OVERTONES
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import DENSITY
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import collinear_start
 from baryscope.estimator.pivot.drift import Drift, DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation
 from baryscope.estimator.observability import UNOBSERVABLE, Observability
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution

@@ -10,9 +10,9 @@ from rich.table import Table
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.pivot.refinement import ROUNDING
 from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.registration.clusters import find_bodies

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import forces
 from baryscope.estimator.bound import Truth, cramer_rao_bound, expected_observations
 from baryscope.estimator.camera.rig import Rig
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.ml.likelihood import equations
 from baryscope.estimator.ml.model import Model
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.prose import verdict
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError, InputError

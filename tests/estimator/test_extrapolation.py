@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn, UnknownPush
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks
 from oracles import inertial_states

@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, turning
 from synthetic import ENVISAT, make_case
 

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
 from baryscope.estimator.claims import with_wider
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.findings import FreeAttitudes, UnknownPush
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, pushed, turning

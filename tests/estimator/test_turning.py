@@ -9,10 +9,10 @@ from scipy.stats import chi2
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.rotation import Rotation
-from baryscope.estimator.turning import TurningPoint, carried, curved, motions, opposite_pairs
+from baryscope.estimator.turning import TurningPoint, carried, curved, opposite_pairs
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError
-from synthetic import Orbit, attitude, box_features, make_case
+from synthetic import attitude, box_features, make_case
 
 INERTIA = np.diag([0.28, 0.33, 0.39])
 RATE = np.array([0.02, 0.035, 0.03])  # rad/s
@@ -124,27 +124,6 @@ def test_pairs_have_no_mean_and_a_covariance_of_one():
     ways = opposite_pairs(11)
     np.testing.assert_allclose(ways.mean(axis=0), 0.0, atol=1e-15)
     np.testing.assert_allclose(ways.T @ ways / len(ways), np.eye(11), atol=1e-12)
-
-
-@pytest.mark.parametrize("orbit", [None, Orbit().model()])
-@pytest.mark.parametrize("span", [0.0, 70.3, -600.0])
-def test_motions_of_many_are_those_of_each(orbit, span):
-    """Of bodies at rates from almost nothing to a tenth of a radian a second, in steps that are twice as long."""
-    rates = np.random.default_rng(3).standard_normal((12, 3)) * np.geomspace(1e-6, 0.1, 12)[:, None]
-    bodies = [Rotation(10.0, Turn.from_rotvec(20 * one).as_matrix(), one, INERTIA, orbit) for one in rates]
-    time = 10.0 + span * np.array([0.4, 1.0, 0.0])
-    R, rate, followed = motions(bodies, time)
-    assert followed.all()
-    for one, attitudes, rates in zip(bodies, R, rate, strict=True):
-        np.testing.assert_allclose(attitudes, one.at(time).attitude, atol=1e-5)
-        np.testing.assert_allclose(rates, one.at(time).rate, atol=1e-6)
-
-
-def test_a_motion_that_cannot_be_followed_is_told():
-    fast = Rotation(0.0, np.eye(3), 1e4 * RATE, INERTIA)
-    R, _, followed = motions([moved(np.zeros(3), np.zeros(3), np.zeros(5)), fast], np.array([900.0]))
-    assert followed.tolist() == [True, False]
-    assert np.isfinite(R[0]).all()
 
 
 @pytest.mark.parametrize("method", ["ml", "ekf"])

@@ -20,12 +20,12 @@ from baryscope.estimator.adjustment.evidence import (
     maximise,
     solved,
 )
-from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
-from baryscope.estimator.dynamics.forces import BROAD, longest_on
-from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY
+from baryscope.estimator.paths.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
+from baryscope.estimator.paths.forces import BROAD, longest_on
+from baryscope.estimator.paths.linear_motion import LinearMotion, Panels
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.process_noise import DENSITY
 from baryscope.estimator.pivot.burns.poses import Posed
 from baryscope.estimator.pivot.drift import roots_in_C
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import RIDGE, solved
-from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn
+from baryscope.estimator.paths.burns import UNKNOWNS, Burn
 from baryscope.estimator.pivot.burns.equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit
 
 FloatArray = NDArray[np.float64]

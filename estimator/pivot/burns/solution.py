@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost, maximise
-from baryscope.estimator.dynamics.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.burns.equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burns.poses import Posed, RegisteredPoses
 from baryscope.estimator.pivot.burns.search import likeliest, price, without

@@ -14,10 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
-from baryscope.estimator.dynamics.forces import Force, ForcedPath, constant_of
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.findings import UntoldAccuracy
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import (
@@ -30,6 +26,10 @@ from baryscope.estimator.orbits.error import (
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import oblateness_on
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
+from baryscope.estimator.paths.forces import Force, ForcedPath, constant_of
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns

@@ -4,11 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.extended_path import factors_of, parts_of
-from baryscope.estimator.dynamics.forces import ForcedPath
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import (
@@ -17,6 +12,11 @@ from baryscope.estimator.orbits.error import (
     InexactOrbitPath,
     with_orbit_error,
 )
+from baryscope.estimator.paths.extended_path import factors_of, parts_of
+from baryscope.estimator.paths.forces import ForcedPath
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import refined

@@ -8,15 +8,15 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import maximise
-from baryscope.estimator.dynamics.extended_path import based_on
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path, SmoothPath
-from baryscope.estimator.dynamics.seen_path import as_seen
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.estimated import estimated_orbit_in, on_estimated_orbit
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
+from baryscope.estimator.paths.extended_path import based_on
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.path import Path, SmoothPath
+from baryscope.estimator.paths.seen_path import as_seen
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS

@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
-from baryscope.estimator.dynamics.extended_path import based_on
-from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
-from baryscope.estimator.dynamics.relative_motion import orbit_in
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen_path import as_seen
-from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import oblateness_in, perhaps_oblate, perhaps_oblate_in
+from baryscope.estimator.paths.extended_path import based_on
+from baryscope.estimator.paths.interpolated_path import interpolated
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.relative_motion import orbit_in
+from baryscope.estimator.paths.sampled_path import SampledPath
+from baryscope.estimator.paths.seen_path import as_seen
+from baryscope.estimator.paths.trajectory import chosen_path
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution

@@ -16,11 +16,11 @@ from baryscope.estimator.adjustment.evidence import (
     ranges,
     solved,
 )
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.push import PUSH, UnknownPushPath, unknown_push_in, with_any_push
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, refined_on, start_on
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns

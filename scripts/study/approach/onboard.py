@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, estimate
-from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
 from baryscope.estimator.options import Options
+from baryscope.estimator.paths.linear_motion import LinearMotion, Panels
 from baryscope.estimator.result import Cluster
 from baryscope.fmu.system.master import Unit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states

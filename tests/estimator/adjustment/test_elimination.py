@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.registration.body import Body
 
 N, M = 30, 5

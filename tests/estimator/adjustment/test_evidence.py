@@ -14,8 +14,8 @@ from baryscope.estimator.adjustment.evidence import (
     objective,
     ranges,
 )
-from baryscope.estimator.dynamics.paths import SmoothPath
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.path import SmoothPath
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from scaled_unknowns import PRIOR, observed
 
 

@@ -16,8 +16,8 @@ from baryscope.estimator.adjustment.evidence import (
     ranges,
 )
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
-from baryscope.estimator.dynamics.paths import LONGEST, SmoothPath
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.path import LONGEST, SmoothPath
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from scaled_unknowns import PRIOR, observed
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.path_noise import process_noise_of
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.models.orbit import Orbit
 
 TIME = np.linspace(0.0, 6000.0, 2001)

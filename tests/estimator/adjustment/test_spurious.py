@@ -17,7 +17,7 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     untold_decrease,
 )
-from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.registration.body import Body
 from synthetic import attitude

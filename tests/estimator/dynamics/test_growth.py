@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_transition

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.ekf.linearised import Nodes, Reference, linearised, moved, points_in
 from baryscope.estimator.ekf.motion import free_motion
+from baryscope.estimator.paths.path import Polynomial
 from synthetic import ENVISAT, attitude, box_features
 
 

@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.ekf.motion import (
     ROTATION,
     changed_inertia,
@@ -14,6 +13,7 @@ from baryscope.estimator.ekf.motion import (
     logarithm_of_inertia,
     rotated,
 )
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.models.attitude import INERTIA_BASIS
 from synthetic import ENVISAT, attitude
 

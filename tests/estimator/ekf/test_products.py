@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.ekf.filter import ProcessNoise, filtered
 from baryscope.estimator.ekf.linearised import Nodes, Reference, linearised, moved
 from baryscope.estimator.ekf.motion import free_motion, integrated_noise
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.solution import Prior, solve
 from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.estimator.paths.path import Polynomial
 from synthetic import ENVISAT, attitude, box_features
 
 FRAMES, FEATURES = 12, 5

@@ -5,10 +5,10 @@ import pytest
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, maximise
 from baryscope.estimator.adjustment.integration import posterior
-from baryscope.estimator.dynamics.paths import SmoothPath
-from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior
+from baryscope.estimator.paths.path import SmoothPath
+from baryscope.estimator.paths.prior import Prior as PathPrior
 
 BEFORE, AFTER = 5, 9  # parameters before and after the path's
 

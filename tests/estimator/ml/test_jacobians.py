@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.ml.jacobians import Jacobians, worthwhile
+from baryscope.estimator.paths.blocks import Blocks
 
 TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 1200))
 

@@ -9,13 +9,13 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.blocks import Blocks
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.ml.jacobians import Knots, worthwhile
 from baryscope.estimator.ml.likelihood import equations
 from baryscope.estimator.ml.model import FrameNoise, Model
+from baryscope.estimator.paths.blocks import Blocks
+from baryscope.estimator.paths.path import Polynomial
 from synthetic import ENVISAT, differences, roots, turned_back
 
 N, M, P, Q = 12, 6, 6, 14  # frames, features, unknowns of the path, and of path and motion

@@ -9,8 +9,6 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.products import independent, product_shifts
-from baryscope.estimator.dynamics.blocks import Blocks
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.methods import estimate
@@ -19,6 +17,8 @@ from baryscope.estimator.ml.likelihood import equations
 from baryscope.estimator.ml.model import FrameNoise, Model
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.blocks import Blocks
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.result import Status
 from synthetic import ENVISAT, attitude, box_features, make_case
 

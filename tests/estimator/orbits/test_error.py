@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.extended_path import factors_of
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.orbits.error import with_orbit_error
+from baryscope.estimator.paths.extended_path import factors_of
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from synthetic import Orbit

@@ -6,8 +6,8 @@ from numpy.polynomial import chebyshev
 from scipy.linalg import solve_triangular
 
 from baryscope.estimator.adjustment.evidence import GaussianLikelihood, maximise
-from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.orbits.search import likeliest_orbit
+from baryscope.estimator.paths.path import SmoothPath
 from baryscope.models.ephemeris.trajectory import target_states
 from baryscope.models.orbit import Orbit
 from oracles import inertial_states, propagate_kepler

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.pivot.drift import drift_equations, frame_roots
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
 from baryscope.estimator.registration.body import Body

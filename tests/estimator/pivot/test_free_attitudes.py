@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.elimination import chunks_of
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step, linearised
 from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, estimate
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
 from baryscope.estimator.pivot.pivot_solution import LastStep

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.pivot.free_attitudes import StepStart, linearised
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
 from baryscope.estimator.registration.body import Body

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.dynamics.sampled_path import IsotropicPath
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.sampled_path import IsotropicPath
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Status

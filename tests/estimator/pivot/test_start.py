@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.process_noise import DENSITY
 from baryscope.estimator.pivot import method
 from baryscope.estimator.pivot import start as starting
 from baryscope.estimator.pivot.free_attitudes import diverged

@@ -12,9 +12,9 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
 from baryscope.estimator.pivot.tie_points import tie_bodies

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, FollowsRotation, UnknownPush, UntoldOblateness, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks

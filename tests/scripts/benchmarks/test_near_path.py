@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.benchmarks.near_path import disturbance, increment_root, transitions, with_noise
 

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import EstimatedOrbit, UntoldAccuracy, UntoldOblateness, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.orbits.push import untold_push
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.study.population.judging import of_estimate, prepared, wrong
 from oracles import inertial_states, oblate_gravity

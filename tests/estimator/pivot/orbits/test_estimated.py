@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import EstimatedOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
 from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, turning

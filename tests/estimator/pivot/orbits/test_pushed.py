@@ -8,11 +8,11 @@ import pytest
 from scipy.stats import chi2
 
 import free_paths
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, UnknownPush, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.push import VARIATION, with_any_push
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.result import Status
 from synthetic import make_case
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.orbits.smooth_rotation import by_smooth_rotation
 from baryscope.estimator.pivot.reduced import of_first, scaled

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior, Trend
-from baryscope.estimator.dynamics.sampled_path import IsotropicPath, SampledPath
+from baryscope.estimator.paths.prior import Hyperparameter, Prior, Trend
+from baryscope.estimator.paths.sampled_path import IsotropicPath, SampledPath
 
 FloatArray = NDArray[np.float64]
 

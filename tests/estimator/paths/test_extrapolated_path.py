@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
-from baryscope.estimator.dynamics.extrapolated_path import extrapolated, untold_of
-from baryscope.estimator.dynamics.paths import Polynomial, SmoothPath
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.extrapolated_path import extrapolated, untold_of
+from baryscope.estimator.paths.path import Polynomial, SmoothPath
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
 
 BEGIN, END, DEGREE = 100.0, 300.0, 80
 SPAN = END - BEGIN

@@ -3,13 +3,13 @@
 from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended_path import parts_of
-from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, ThrustedPath, constant_of, firings_of, thrust_of
-from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, SmoothPath
-from baryscope.estimator.dynamics.process_noise import disturbed
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
-from baryscope.estimator.dynamics.seen_path import SeenPath
 from baryscope.estimator.options import HIGHEST_DEGREE, PathOptions
+from baryscope.estimator.paths.extended_path import parts_of
+from baryscope.estimator.paths.forces import ForcedPath, PushedPath, ThrustedPath, constant_of, firings_of, thrust_of
+from baryscope.estimator.paths.path import FIXED, Path, Polynomial, SmoothPath
+from baryscope.estimator.paths.process_noise import disturbed
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.paths.seen_path import SeenPath
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.burns import Burn, BurnedPath, burns_of, untold_durations
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.paths.burns import Burn, BurnedPath, burns_of, untold_durations
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from burning import path_with_burns
 from synthetic import Orbit
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Panels, forced
+from baryscope.estimator.paths.linear_motion import ARC, LinearMotion, Panels, forced
 from baryscope.models.ephemeris.trajectory import gravity_gradient, lvlh_axes, target_states
 from baryscope.models.relative_orbit import relative_transition
 from synthetic import Orbit

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended_path import ExtendedPath, Factor, named_factors, parts_of
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.extended_path import ExtendedPath, Factor, named_factors, parts_of
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 

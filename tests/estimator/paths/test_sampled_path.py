@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.paths import SmoothPath
-from baryscope.estimator.dynamics.process_noise import disturbed
-from baryscope.estimator.dynamics.sampled_path import IsotropicPath, SampledPath
+from baryscope.estimator.paths.path import SmoothPath
+from baryscope.estimator.paths.process_noise import disturbed
+from baryscope.estimator.paths.sampled_path import IsotropicPath, SampledPath
 
 TIME = np.sort(np.random.default_rng(0).uniform(-5.0, 95.0, 200))
 X = np.random.default_rng(1).normal(size=3 * 14)

@@ -7,10 +7,10 @@ import pytest
 from numpy.polynomial import Chebyshev
 from scipy.special import jv
 
-from baryscope.estimator.dynamics.paths import DECAY, FREQUENCY, OVERTONES, Polynomial, SmoothPath
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
-from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
+from baryscope.estimator.paths.path import DECAY, FREQUENCY, OVERTONES, Polynomial, SmoothPath
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
+from baryscope.estimator.paths.trajectory import Trajectory, trajectory_of
 from baryscope.models.errors import InputError
 from oracles import inertial_states, propagate_kepler
 from synthetic import MU, Orbit

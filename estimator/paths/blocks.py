@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.polynomials import lagrange_weights
-from baryscope.estimator.dynamics.sampled_path import Frames
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
+from baryscope.estimator.paths.polynomials import lagrange_weights
+from baryscope.estimator.paths.sampled_path import Frames
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.blocks import FEWEST, KNOTS, Blocks
-from baryscope.estimator.dynamics.sampled_path import Frames, IsotropicPath, SampledPath, product
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
+from baryscope.estimator.paths.blocks import FEWEST, KNOTS, Blocks
+from baryscope.estimator.paths.sampled_path import Frames, IsotropicPath, SampledPath, product
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

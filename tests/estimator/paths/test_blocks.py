@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
+from baryscope.estimator.paths.blocks import KNOTS, Blocks
 
 TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 300))
 BLOCKS = Blocks.over(TIME, 7.0)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, disturbed, enriched, free_modes, wave_numbers
-from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.process_noise import ProcessNoisePath, disturbed, enriched, free_modes, wave_numbers
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import EARTH_MU, Orbit
 

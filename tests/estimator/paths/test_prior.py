@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 
-from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.paths.prior import Prior
 
 
 def test_an_unknown_of_no_variance_is_held_without_a_warning():

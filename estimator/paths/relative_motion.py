@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import parts_of
-from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.paths.extended_path import parts_of
+from baryscope.estimator.paths.linear_motion import ARC, LinearMotion, Motion, Panels
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.trajectory import gravity_difference, gravity_gradient, lvlh_axes, target_states
 from baryscope.models.errors import ComputationError, Reason

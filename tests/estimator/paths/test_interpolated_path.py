@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
-from baryscope.estimator.dynamics.interpolated_path import InterpolatedPath, interpolated
-from baryscope.estimator.dynamics.paths import Polynomial, SmoothPath
-from baryscope.estimator.dynamics.process_noise import disturbed
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
-from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.orbits.error import with_orbit_error
+from baryscope.estimator.paths.forces import ForcedPath, constant_of
+from baryscope.estimator.paths.interpolated_path import InterpolatedPath, interpolated
+from baryscope.estimator.paths.path import Polynomial, SmoothPath
+from baryscope.estimator.paths.process_noise import disturbed
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 
 TIME = np.sort(np.random.default_rng(0).uniform(-100.0, 5900.0, 20_000))

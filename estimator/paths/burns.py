@@ -12,13 +12,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import ExtendedPath, parts_of
-from baryscope.estimator.dynamics.forces import longest_on
-from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.relative_motion import bend
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
+from baryscope.estimator.paths.forces import longest_on
+from baryscope.estimator.paths.linear_motion import LinearMotion, Motion, Panels
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.relative_motion import bend
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
 

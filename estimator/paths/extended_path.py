@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.paths.path import Path
 
 FloatArray = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.extended_path import factors_of
-from baryscope.estimator.dynamics.forces import ForcedPath, PushedPath, constant_of, lasting, untold_firings
-from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
-from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.extended_path import factors_of
+from baryscope.estimator.paths.forces import ForcedPath, PushedPath, constant_of, lasting, untold_firings
+from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.paths.trajectory import chosen_path
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.sun import sun_direction
 from baryscope.models.ephemeris.utc import utc_of

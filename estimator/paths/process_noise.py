@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import ExtendedPath, parts_of
-from baryscope.estimator.dynamics.linear_motion import ARC, Motion, are_within, forced, highest_frequency
-from baryscope.estimator.dynamics.paths import FIXED, Path
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.sampled_path import SampledPath, of_three_axes
 from baryscope.estimator.options import Density
+from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
+from baryscope.estimator.paths.linear_motion import ARC, Motion, are_within, forced, highest_frequency
+from baryscope.estimator.paths.path import FIXED, Path
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.sampled_path import SampledPath, of_three_axes
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.relative_motion import MOST_WEIGHTS, PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.paths.relative_motion import MOST_WEIGHTS, PerturbedOrbit, RelativeOrbit
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from oracles import inertial_states, oblate_gravity

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import based_on
-from baryscope.estimator.dynamics.paths import Path, SmoothPath
-from baryscope.estimator.dynamics.sampled_path import IsotropicPath
-from baryscope.estimator.dynamics.trajectory import smooth_in
+from baryscope.estimator.paths.extended_path import based_on
+from baryscope.estimator.paths.path import Path, SmoothPath
+from baryscope.estimator.paths.sampled_path import IsotropicPath
+from baryscope.estimator.paths.trajectory import smooth_in
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

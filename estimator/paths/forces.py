@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended_path import ExtendedPath, Factor, named_factors, parts_of
-from baryscope.estimator.dynamics.linear_motion import (
+from baryscope.estimator.options import ConstantAxes
+from baryscope.estimator.paths.extended_path import ExtendedPath, Factor, named_factors, parts_of
+from baryscope.estimator.paths.linear_motion import (
     ARC,
     Acceleration,
     LinearMotion,
@@ -21,11 +22,10 @@ from baryscope.estimator.dynamics.linear_motion import (
     are_within,
     forced,
 )
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, bend, orbit_in
-from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.options import ConstantAxes
+from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.relative_motion import PerturbedOrbit, bend, orbit_in
+from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.sun import sun_direction, sunlit
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
