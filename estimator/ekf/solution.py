@@ -15,7 +15,7 @@ LARGEST = 1e100  # number in a cost that is still one
 MARGIN = 10.0  # of an eigenvalue of the parameters' scaled information over its rounding errors, to be known
 LOST = 1e-6  # of the squares at the reference, by which those at the minimum are negative: lost in rounding
 INDISTINCT = 1e-3  # such rounding errors of which hardly anything is known
-MEMORY = 3e8  # bytes for the smoother of some members at a time
+MEMORY = 1e8  # bytes for the smoother of some members at a time
 
 
 @dataclass(frozen=True, eq=False)
