@@ -45,7 +45,7 @@ def flying(setting: Setting, frames: int = SHORT) -> Part:
         seen, push = pushed(still, orbit) if told else (still, np.zeros((len(still.path), 3)))
         runs = [in_c(seen, sigma, orbit, push) for _ in range(3)]
         each, known = np.min([taken for taken, _ in runs], axis=0), runs[0][1]
-        what = f"a frame × {SHORT_FEATURES} at {rate}, with thrust" if told else f"a frame × {SHORT_FEATURES} at {rate}"
+        what = f"a frame × {SHORT_FEATURES} at {rate}" + (", with thrust" if told else "")
         for stage, its, wanted in (("pivot stage", ~known, 20e-6), ("full filter", known, 200e-6)):
             if its.any():
                 rows.append(Row(f"online, {stage}, {what}", each[its].mean(), wanted, "µs", "numpy, 9 states", peer))
