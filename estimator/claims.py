@@ -24,7 +24,7 @@ from baryscope.estimator.findings import (
 )
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.symmetric import factor_of
-from baryscope.estimator.prediction import PredictedBody, PredictedPath, Widening, beyond
+from baryscope.estimator.prediction import BurnsBeyond, PredictedBody, PredictedPath, Widening
 from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import Cluster, Estimate, Motion, Status
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -33,7 +33,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
-UNLIKELY = 0.005  # number of burns that are expected, below which none is reckoned with: as many answers may be wrong
 FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
 LEAST_SHARE = 0.01  # of all frames, successive ones without a used observation
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
@@ -43,6 +42,7 @@ BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 def claimed(result: Estimate, tracks: FeatureTracks) -> Estimate:
     """The result with its departure, extrapolation and frames left out named, and as wide as its misfits show."""
     named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
+    named = _with_burns_beyond(named)
     named = replace(named, findings=named.findings + _extrapolated(named, tracks))
     return widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
@@ -82,8 +82,7 @@ def _extrapolated(result: Estimate, tracks: FeatureTracks) -> tuple[Extrapolated
     tracks.
 
     The law of a smooth path is what this shows where it is seen. Whether it holds beyond, as on an ellipse that nears
-    its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have. A
-    chaser that burns where it is seen may burn where it is not, of which the covariance knows nothing.
+    its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have.
     """
     seen = with_attitude(result.used & ~result.rejected)
     if result.covariance is None or not len(seen):
@@ -96,7 +95,6 @@ def _extrapolated(result: Estimate, tracks: FeatureTracks) -> tuple[Extrapolated
         return ()
     told = int(result.observability.observable.sum())
     variance = np.linalg.eigvalsh(result.covariance)[:, :told].sum(axis=1)
-    variance = variance + _of_burns_beyond(result, float(begin), float(end))
     if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
         return ()
     return (Extrapolated(float(begin), float(end)),)
@@ -122,21 +120,23 @@ def _contradicted(result: Estimate, tracks: FeatureTracks, beyond: BoolArray) ->
     return contradict(arm, result.noise.lasting * variance, errors, float(outliers))
 
 
-def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:
-    """The variance (n,) of positions before and after begin … end, in s, by burns as those found between them, m².
+def _with_burns_beyond(result: Estimate) -> Estimate:
+    """The result with burns in its covariance before and after the frames with an attitude, if it has found any.
 
-    Burns at random times change the velocity as white acceleration does, of which the trace of the density is the mean
-    of their squared changes over the time between them (Campbell's theorem). That is the variance over all draws: where
-    less than one burn is expected, most have none, and some a whole one. So it is that of one there, unless one is
-    unlikely.
+    A chaser that burns where it is seen may burn where it is not.
     """
     changes = [finding.change for finding in result.findings if isinstance(finding, UnknownBurn)]
-    if not changes or end <= begin:
-        return np.zeros(len(result.time))
-    away = np.abs(beyond(result.time, begin, end))
-    expected = len(changes) * away / (end - begin)
-    of_one = float(np.sum(np.square(changes))) / len(changes) * away**2 / 3
-    return np.where(expected > UNLIKELY, np.maximum(expected, 1.0), 0.0) * of_one
+    seen = with_attitude(result.used & ~result.rejected)
+    if not changes or result.covariance is None or len(seen) < 2:
+        return result
+    begin, end = result.time[seen[[0, -1]]].tolist()
+    burns = BurnsBeyond(begin, end, len(changes) / (end - begin), float(np.sum(np.square(changes))) / len(changes))
+    added, motion = burns.covariance(result.time), result.motion
+    velocity = motion.velocity_covariance
+    if velocity is not None:
+        motion = replace(motion, velocity_covariance=velocity + added[:, 3:, 3:])
+    by = result.widening.then(Widening(burns=burns))
+    return replace(result, covariance=result.covariance + added[:, :3, :3], motion=motion, widening=by)
 
 
 def _widening(result: Estimate) -> Widening:

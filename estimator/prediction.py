@@ -38,6 +38,7 @@ Point = str | Sequence[float] | FloatArray | None
 CHUNK = 4000  # times at once: a few hundred megabytes
 BEYOND = 8  # modes of process noise that count, over those that are estimated
 FARTHEST = 1e4  # m from the centroid of the features
+UNLIKELY = 0.005  # number of burns that are expected, below which none is reckoned with: as many answers may be wrong
 MANY = 500  # times, between which the variance of what is untold of a velocity is interpolated
 
 
@@ -62,24 +63,52 @@ class Prediction:
 
     def widened(self, by: "Widening", begin: float, end: float) -> "Prediction":
         """With a wider covariance; begin, end: of the tracks, s."""
-        return replace(self, covariance=by.of_both(self.covariance, beyond(self.time, begin, end)))
+        found = by.of_both(self.covariance, beyond(self.time, begin, end))
+        return replace(self, covariance=found if by.burns is None else found + by.burns.covariance(self.time))
+
+
+@dataclass(frozen=True)
+class BurnsBeyond:
+    """Burns before and after begin … end, s, as those that were found between them, `rate` per s.
+
+    Burns at random times change the velocity as white acceleration does, of which the trace of the density is the mean
+    of their squared changes, `square` in (m/s)², over the time between them (Campbell's theorem). That is the variance
+    over all draws: where less than one burn is expected, most have none, and some a whole one. So it is that of one
+    there, unless one is unlikely.
+    """
+
+    begin: float
+    end: float
+    rate: float
+    square: float
+
+    def covariance(self, time: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) that they add to position and velocity at times (n,), in m and s."""
+        away = beyond(time, self.begin, self.end)
+        expected = self.rate * np.abs(away)
+        of_velocity = np.where(expected > UNLIKELY, np.maximum(expected, 1.0), 0.0) * self.square / 3
+        both = np.array([[away**2 / 3, away / 2], [away / 2, np.ones_like(away)]])
+        return np.asarray(np.kron(np.moveaxis(of_velocity * both, 2, 0), np.eye(3)))
 
 
 @dataclass(frozen=True)
 class Widening:
     """What a misfit adds to covariances: a factor on them, and variances of each coordinate of position and velocity.
 
-    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations.
+    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations; burns: what is not
+    seen of these comes to it.
     """
 
     factor: float = 1.0
     variance: float = 0.0
     velocity: float = 0.0
+    burns: BurnsBeyond | None = None
 
     def then(self, by: "Widening") -> "Widening":
         """This one, and what it gives widened by another."""
         velocity = by.factor * self.velocity + by.velocity
-        return Widening(self.factor * by.factor, by.factor * self.variance + by.variance, velocity)
+        burns = self.burns if by.burns is None else by.burns
+        return Widening(self.factor * by.factor, by.factor * self.variance + by.variance, velocity, burns)
 
     def of_position(self, covariance: FloatArray) -> FloatArray:
         """A covariance (..., 3, 3) of positions in m², widened."""

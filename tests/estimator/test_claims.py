@@ -16,6 +16,7 @@ from baryscope.estimator.findings import (
     LackOfFit,
     UnknownBurn,
 )
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.result import Motion, Noise, ProcessNoise, Status
 from free_paths import FEATURES, NOISE, on_parabola, turning
 from results import an_estimate
@@ -79,8 +80,43 @@ def test_a_burn_beyond_counts_as_its_mean_square_over_the_times_when_it_may_be(s
     covariance = np.tile(sigma**2 * np.eye(3), (frames, 1, 1))
     plain = an_estimate(frames=frames, time=time, used=used, covariance=covariance, findings=(burn,))
     plain = replace(plain, path="relative-orbit", residuals=np.where(used[..., None], 0.01, np.nan))
-    found = [one for one in claim_of(plain).findings if isinstance(one, Extrapolated)]
+    claim = claim_of(plain)
+    found = [one for one in claim.findings if isinstance(one, Extrapolated)]
     assert [(one.begin, one.end) for one in found] == [(0.0, 60.0)] * announced
+    np.testing.assert_allclose(claim.covariance[:-1], covariance[:-1])
+    np.testing.assert_allclose(claim.covariance[-1] - covariance[-1], variance / 3 * np.eye(3), rtol=2e-3, atol=1e-9)
+
+
+def test_burns_beyond_move_and_speed_what_is_predicted():
+    """Of three burns in 60 s one may be within 20 s beyond, and six are in 120 s: Campbell's theorem, drawn here."""
+    changes = np.random.default_rng(3).normal(0.0, 1e-3, (3, 3))
+    burns = tuple(
+        UnknownBurn(at, 0.1, at + 1, 0.1, tuple(v), (1e-5,) * 3) for at, v in zip((5, 30, 50), changes, strict=True)
+    )
+    time = np.linspace(0.0, 60.0, 61)
+    claim = claim_of(replace(an_estimate(frames=61, time=time, findings=burns), predictor=_AtRest()))
+    assert claim.findings[: len(burns)] == burns
+    found = claim.predict([30.0, 80.0, 180.0, -20.0]).covariance
+    np.testing.assert_array_equal(found[0], 0.0)
+    rng, draws = np.random.default_rng(4), 200_000
+    for covariance, tau, count, side in ((found[1], 20.0, 1, 1), (found[2], 120.0, 6, 1), (found[3], 20.0, 1, -1)):
+        left = rng.uniform(0.0, tau, (draws, count))
+        sign = rng.choice([-1.0, 1.0], (draws, count, 1))
+        change = sign * changes[rng.integers(0, 3, (draws, count))]
+        state = np.concatenate([(change * side * left[..., None]).sum(axis=1), change.sum(axis=1)], axis=1)
+        drawn = np.einsum("na,nb->ab", state, state) / draws
+        for k, m in ((0, 0), (0, 1), (1, 1)):
+            one = drawn[3 * k : 3 * k + 3, 3 * m : 3 * m + 3]
+            own = covariance[3 * k : 3 * k + 3, 3 * m : 3 * m + 3]
+            assert np.trace(own) == pytest.approx(np.trace(one), rel=0.02)  # five deviations of so many draws
+            np.testing.assert_allclose(own, np.trace(own) / 3 * np.eye(3), atol=1e-15)
+
+
+class _AtRest:
+    """A predictor of what is known to be at rest."""
+
+    def at(self, time, point):
+        return Prediction.of(time, np.zeros((len(time), 6)), np.zeros((len(time), 6, 6)))
 
 
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial:1"])
