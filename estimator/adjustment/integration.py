@@ -22,7 +22,8 @@ from baryscope.estimator.paths.prior import Prior
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-GRID_STEP = 0.7  # in the integration over a hyperparameter's uncertainty: of its logarithm, or of a standard deviation
+GRID_STEP = 0.7  # in the integration over a hyperparameter's uncertainty: of its logarithm, at most
+MOST_DEVIATIONS = 2.0  # of its own, of such a step
 MOST_STEPS = 60  # of it, either way
 LATTICE_STEP = 1.2  # standard deviations, in the integration over several hyperparameters
 MOST_POINTS = 1500  # of that lattice
@@ -87,7 +88,8 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     shared = prior.uses.sum(axis=1) > 1
     joint = (prior.uses & shared[:, None]).any(axis=0)
     for index in np.flatnonzero(~joint):
-        points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
+        step = _step(linear, prior, theta, int(index))
+        points, costs = _along(linear, prior, theta, step * np.eye(len(theta))[index], bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         lowest, none = likeliest_without(linear, prior, theta, int(index), bounds)
         significance[index] = none - costs[0]  # the first is that of θ
@@ -96,7 +98,7 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
             least = bounds[index, 0] + np.log(LEAST_EFFECT / NO_EFFECT)
             weight[[at[index] < least for at in points]] = 0.0
             points.append(lowest)
-            weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
+            weight = np.append(weight, BELOW / step * np.exp(-max(none - min(costs), 0.0) / 2))
             if not weight.any():  # rounding makes −2 ln p fall where nothing has an effect
                 weight[-1] = 1.0
         weight /= weight.sum()
@@ -127,6 +129,14 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
         total += _positive(wider - covariance, np.diag(covariance))
     covariance, information = (total + total.T) / 2, np.diag(linear.information)
     return Posterior(theta, interval, significance, expectation, mean, covariance, at_best, information)
+
+
+def _step(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, index: int) -> float:
+    """The step of the integration over one hyperparameter: few where the observations tell it well."""
+    away = DIFFERENCE * np.eye(len(theta))[index]
+    after, before = (objective(linear, prior, at)[1][index] for at in (theta + away, theta - away))
+    curvature = float(after - before) / (4 * DIFFERENCE)  # of −ln p
+    return min(GRID_STEP, MOST_DEVIATIONS / np.sqrt(curvature)) if curvature > 0 else GRID_STEP
 
 
 def _principal_steps(

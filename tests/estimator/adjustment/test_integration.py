@@ -223,3 +223,20 @@ def over_grid(linear, prior, theta):
             mean, covariance = conditional(linear, prior, at)
             total += share * (covariance + np.outer(mean - centre, mean - centre))
     return total
+
+
+@pytest.mark.parametrize("count", [20, 200, 2000])
+def test_an_interval_is_as_wide_as_its_likelihood_however_many_tell_it(count):
+    """Of n unknowns that are observed without an error, −2 ln p = n θ + Σ x² e^−θ: a deviation of √(2/n) of θ. The sum
+    in steps of two of them has 0.92 of it. In steps of 0.7 it had none from n = 200 on.
+    """
+    x = np.random.default_rng(5).normal(0.0, 0.3, count)
+    own = Prior(np.zeros(count), np.ones((count, 1)), (Hyperparameter("scale", optional=True),))
+    prior = Prior.none(1).joined(own)
+    linear = GaussianLikelihood(1e9 * np.eye(count + 1), 1e9 * np.append(5.0, x), np.zeros(count + 1))
+    theta = maximise(linear, prior)
+    assert theta[0] == pytest.approx(np.log(np.mean(x**2)), abs=0.01)
+    found = posterior(linear, prior, theta)
+    assert np.ptp(found.interval[0]) / 2 == pytest.approx(np.sqrt(2 / count), rel=0.15)
+    low, high = found.bounds(0)
+    assert low < np.exp(theta[0]) < high
