@@ -1,6 +1,6 @@
 """The posterior over the uncertainty of the hyperparameters, whose evidence is that of `evidence`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -80,7 +80,11 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     What is optional is either nothing, or has an effect. Where the observations do not tell which, a mean of the two
     covariances would be claimed in either case, and an error that one of them explains is beyond it too often: so the
     covariance for given hyperparameters is that of their CLAIMED quantile.
+
+    θ is that of a prior which holds what is not typical for nearly impossible, as a search needs that is not to follow
+    outliers. Where the observations tell it all the same, the claim must not be too small by that: here it is tolerant.
     """
+    prior = replace(prior, tolerant=True)
     at_best, covariance = conditional(linear, prior, theta)
     mean, bounds, total = at_best.copy(), ranges(linear, prior), covariance.copy()
     interval = np.full((len(theta), 2), np.nan)

@@ -13,6 +13,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 MOST = 600.0  # logarithm of a precision, which does not overflow in products with lengths
+TAIL = 4.0  # power of a tolerant prior
 MOST_SCATTER = 6.0  # of the logarithm of a variance
 
 
@@ -76,7 +77,8 @@ class Prior:
     offset (p,): infinite for an unknown without a prior; slopes (p, h). trend: what comes to the logarithms of the
     variances of the unknowns that have a number, order (p,), other than 0. scatter (p,): how far these logarithms may
     lie above that law from an unknown on that the observations do not tell; other than zero only for the three
-    coordinates of one coefficient after the other.
+    coordinates of one coefficient after the other. tolerant: what is beyond the typical is improbable by a rate that is
+    known to about its half, that is, far beyond by a power (Lomax 1954, J. Am. Stat. Assoc. 49), not exponentially.
     """
 
     offset: FloatArray
@@ -85,6 +87,7 @@ class Prior:
     scatter: FloatArray | float = 0.0
     trend: Trend | None = None
     order: FloatArray | float = 0.0
+    tolerant: bool = False
     _laws: dict[tuple[float, ...], tuple[FloatArray, Callable[[], FloatArray]]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -169,11 +172,12 @@ class Prior:
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
         each = self._rates * np.exp(np.where(self._rates > 0, theta, 0.0) / 2)
-        return 2 * each.sum(axis=-1) - theta @ self._by_root, each - self._by_root
+        cost, slope = (TAIL * np.log1p(each / TAIL), each / (1 + each / TAIL)) if self.tolerant else (each, each)
+        return 2 * cost.sum(axis=-1) - theta @ self._by_root, slope - self._by_root
 
     @cached_property
     def _rates(self) -> FloatArray:
-        """Of the exponential priors of the roots (h,), 0 without one."""
+        """Of the exponential priors of the roots (h,), or their means, 0 without one."""
         return np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
 
     @cached_property
