@@ -46,7 +46,7 @@ from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import ROUNDING, refined
 from baryscope.estimator.pivot.start import LinearStart, linear_start
 from baryscope.estimator.pivot.strays import without_strays
-from baryscope.estimator.pivot.unexplained import gain_over, with_needed_noise
+from baryscope.estimator.pivot.unexplained import gain_over, is_better, with_needed_noise
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.collinear import find_collinear
@@ -198,15 +198,26 @@ def _of_chosen_degree(
     # On an orbit no pivot slips, but a camera shakes: unless it is told by how much.
     told = trajectory.kind == "relative-orbit" and errors is not None and errors.noisy
     slips = options.process_noise == "auto" and not told
+    best: tuple[PivotSolution, InitialSolution] | None = None
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, float(time[0]), float(time[-1]), errors, highest)
-        start = replace(data.start(path), slips=slips)
-        found = _refined(start, options)
-        if not _is_cut_short(found):
+        try:
+            start = replace(data.start(path), slips=slips)
+            found = _refined(start, options)
+        except ComputationError:
+            if best is None:
+                raise
+            break
+        if best is not None and not is_better(found, *best):
+            break
+        best = found, start
+        cut_short = _is_cut_short(found)
+        if not (cut_short or _may_lack_degrees(found)):
             break
         # Of a path with more degrees they tell less.
         refuse_untold(found, data.registered)
-    return found, start
+        best = None if cut_short else best
+    return best or (found, start)
 
 
 def _with_smooth_forces(
@@ -355,6 +366,11 @@ def _is_cut_short(found: PivotSolution) -> bool:
     # In some directions the path is told far better than its places are, as where its offset is hardly known.
     information = found.posterior.information[smooth.size - 3 : smooth.size].max()
     return smooth.omitted_variance(own) * float(information) > SEEN
+
+
+def _may_lack_degrees(found: PivotSolution) -> bool:
+    """Whether more degrees of a smooth path may be what it lacks: it leads to no solution, or to noise of its place."""
+    return smooth_in(found.path) is not None and (not found.converged or found.slip > 0)
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:

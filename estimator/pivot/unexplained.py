@@ -55,6 +55,13 @@ def gain_over(found: PivotSolution, other: PivotSolution, start: InitialSolution
     return _cost_of(found, start, variance) - _cost_of(other, start, variance)
 
 
+def is_better(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> bool:
+    """Whether one solution is better than another, from a start: it alone has converged, or it is likelier."""
+    if found.converged != other.converged:
+        return found.converged
+    return gain_over(other, found, start) > 0
+
+
 def _cost_of(found: PivotSolution, start: InitialSolution, variance: float) -> float:
     """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
     cost. Tie points are none of them: they move the path's noise to where it is unlikely, if it is that of none.
