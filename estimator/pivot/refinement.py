@@ -277,8 +277,9 @@ class _Refinement:
         self.errors = found
         if not found.slips_unlike(given):
             return False
-        if given.slip == 0:  # all that was found without may be far from what is found with it
-            self._go_on_for(MAX_ROUNDS)
+        self.here = None  # what the last step has led to is of another noise
+        # All that was found without may be far from what is found with it, and less of it with another.
+        self._go_on_for(MAX_ROUNDS if given.slip == 0 else min(FIRM_ROUNDS, max(LONGEST - self.rounds, 0)))
         return True
 
     def _goes_round(self) -> bool:
