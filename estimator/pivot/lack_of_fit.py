@@ -79,10 +79,15 @@ def excess_residuals(found: PivotSolution, registered: Registered) -> ExcessResi
     return ExcessResiduals(found.path.name, float(np.sqrt(ratio)))
 
 
-def _excessive_slip(found: PivotSolution) -> ExcessResiduals | None:
-    """A finding if the position slips so far that it is no pivot: further than features are from one another."""
+def slips_excessively(found: PivotSolution) -> bool:
+    """Whether the position slips so far that it is no pivot: further than features are from one another."""
     body = max(found.bodies, key=lambda one: len(one.frames))
-    if found.slip <= RADII * rms_radius(body.points):
+    return found.slip > RADII * rms_radius(body.points)
+
+
+def _excessive_slip(found: PivotSolution) -> ExcessResiduals | None:
+    """A finding if the position slips excessively."""
+    if not slips_excessively(found):
         return None
     seen, precision = found.observations.weight > 0, found.observations.precision
     size = 1.0 if precision is None else 3 / float(np.trace(precision[seen], axis1=1, axis2=2).mean())

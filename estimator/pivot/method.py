@@ -36,7 +36,7 @@ from baryscope.estimator.pivot.burns.solution import (
 from baryscope.estimator.pivot.collinear import attitudes_about, refuse_untold
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
-from baryscope.estimator.pivot.lack_of_fit import misfits
+from baryscope.estimator.pivot.lack_of_fit import misfits, slips_excessively
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy, with_errors_of_orbit
 from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
@@ -369,8 +369,8 @@ def _is_cut_short(found: PivotSolution) -> bool:
 
 
 def _may_lack_degrees(found: PivotSolution) -> bool:
-    """Whether more degrees of a smooth path may be what it lacks: it leads to no solution, or to noise of its place."""
-    return smooth_in(found.path) is not None and (not found.converged or found.slip > 0)
+    """Whether more degrees of a smooth path may be what it lacks: it leads to no solution, or all to noise."""
+    return smooth_in(found.path) is not None and (not found.converged or slips_excessively(found))
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
