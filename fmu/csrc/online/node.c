@@ -262,7 +262,7 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Sweep sweep;
     Measurement measurement;
     Transition transition;
-    double turn[3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
+    double turn[3], T[3][3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
@@ -280,8 +280,9 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     if (transition.span > 0.0) measurement.since = &transition;
     if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &measurement)) return 0;
     map_turned(filter, map, turn);
-    turn_tumble(&filter->tumble, &filter->options, turn);
-    turn_axes(turn, before);
+    rotation(turn, T);
+    turn_tumble(&filter->tumble, &filter->options, T);
+    turn_axes(T, before);
     angle_between(filter->R, before, turn);
     double of_attitude = measurement.turn[0][0] + measurement.turn[1][1] + measurement.turn[2][2], span = time - filter->turned;
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / span;

@@ -205,11 +205,8 @@ static void rotation_vector(const double R[3][3], double turn[3]) {
     for (int i = 0; i < 3; i++) turn[i] = factor * q[1 + i];
 }
 
-/* R = exp([turn]x) R, made orthonormal again. */
-static void turn_left(const double turn[3], double R[3][3]) {
-    double T[3][3], A[3][3];
-    rotation(turn, T);
-    product(T, R, A);
+/* A, made orthonormal. */
+static void orthonormal(double A[3][3], double R[3][3]) {
     double x = 1.0 / sqrt(dot(A[0], A[0]));
     for (int i = 0; i < 3; i++) A[0][i] *= x;
     double along = dot(A[0], A[1]);
@@ -221,11 +218,20 @@ static void turn_left(const double turn[3], double R[3][3]) {
         for (int j = 0; j < 3; j++) R[i][j] = A[i][j];
 }
 
-/* R exp(-[turn]x): the attitude of axes against which the body was turned by `turn`. */
-static void turn_axes(const double turn[3], double R[3][3]) {
-    double back[3];
-    for (int k = 0; k < 3; k++) back[k] = -dot(R[k], turn);
-    turn_left(back, R);
+/* R = exp([turn]x) R, made orthonormal again. */
+static void turn_left(const double turn[3], double R[3][3]) {
+    double T[3][3], A[3][3];
+    rotation(turn, T);
+    product(T, R, A);
+    orthonormal(A, R);
+}
+
+/* R = R T', made orthonormal again: the attitude of axes against which the body was turned by T. */
+static void turn_axes(const double T[3][3], double R[3][3]) {
+    double A[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) A[i][j] = dot(R[i], T[j]);
+    orthonormal(A, R);
 }
 
 /* The rotation vector in C from B to A, and its length. */

@@ -42,12 +42,11 @@ static void spin_between(const Spin *right, const Spin *wrong, double x[SPIN]) {
     for (int k = 0; k < 5; k++) x[6 + k] = right->j[k] - wrong->j[k];
 }
 
-/* The spin in axes against which the body was turned by `turn`, in B. */
-static void turn_spin(Spin *spin, const double turn[3]) {
-    double R[3][3], J[3][3], T[3][3], TJ[3][3], w[3];
-    rotation(turn, T);
+/* The spin in axes against which the body was turned by T, in B. */
+static void turn_spin(Spin *spin, const double T[3][3]) {
+    double R[3][3], J[3][3], TJ[3][3], w[3];
     matrix_of(spin->q, R);
-    turn_axes(turn, R);
+    turn_axes(T, R);
     quaternion_of(R, spin->q);
     for (int k = 0; k < 3; k++) w[k] = spin->w[k];
     times(T, w, spin->w);

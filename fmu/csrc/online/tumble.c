@@ -18,10 +18,10 @@ static int reference_count(const OnlineOptions *options) { return options->on_or
 
 static void forget_tumble(Tumble *tumble) { *tumble = (Tumble){0}; }
 
-/* The map was turned by `turn`, in B. */
-static void turn_tumble(Tumble *tumble, const OnlineOptions *options, const double turn[3]) {
-    for (int k = 0; k < (int)tumble->kept; k++) turn_axes(turn, tumble->attitude[k].R);
-    for (int c = 0; c < reference_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->reference[c].spin, turn);
+/* The map was turned by T, in B. */
+static void turn_tumble(Tumble *tumble, const OnlineOptions *options, const double T[3][3]) {
+    for (int k = 0; k < (int)tumble->kept; k++) turn_axes(T, tumble->attitude[k].R);
+    for (int c = 0; c < reference_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->reference[c].spin, T);
 }
 
 /* ---- the first estimate ---- */
