@@ -13,29 +13,29 @@ static void find_seeming(const double R[3][3], Measurement *measurement) {
     measurement->sharpness = (weight[0][0] + weight[1][1] + weight[2][2]) / 3.0;
 }
 
-/* What part of that a member can see whose path has white noise of a density: of nodes T apart and of the variance N, what a path takes for its own
-   tells nothing of the offset. The path's second differences have the spectrum q T3 (2 + cos u) / 3, so it is the mean over u from 0 to pi of
-   1 / (1 + s (2 + cos u) / (12 (1 - cos u)^2)), s = q T3 / N. This has the limits of that for small and large s, and is within 6 % of it. */
-static double seen_part(const Measurement *measurement, double density) {
+/* By how much less of that a member can see whose path has white noise of a density: of nodes T apart and of the variance N, what a path takes for its own
+   tells nothing of the offset. The path's second differences have the spectrum q T3 (2 + cos u) / 3, so the part that is seen is the mean over u from 0 to pi of
+   1 / (1 + s (2 + cos u) / (12 (1 - cos u)^2)), s = q T3 / N. The inverse of this has the limits of that for small and large s, and is within 6 % of it. */
+static double unseen_factor(const Measurement *measurement, double density) {
     const double T = measurement->span, s = density * T * T * T * measurement->sharpness, root = sqrt(s);
-    return 1.0 / (1.0 + 0.354 * sqrt(root) + 0.11 * root + s / 14.35);
+    return 1.0 + 0.354 * sqrt(root) + 0.11 * root + s / 14.35;
 }
 
 /* M (1 + P M)^-1: information M, what a node seems to show where the path has white noise of a density, is taken from a covariance P, to first order,
    but never more than half of it, nor what was known before the first frame: a variance of `widest`. */
 static void damped(double P[3][3], const Measurement *measurement, double density, double widest, double found[3][3]) {
-    const double(*spread)[3] = measurement->seems_spread, seen = seen_part(measurement, density);
+    const double(*spread)[3] = measurement->seems_spread, factor = unseen_factor(measurement, density);
     double sum[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
     copy(NOTHING, found);
-    if (!(part > 0.0) || !(spread[0][0] > 0.0) || !(seen > 0.0)) return;
+    if (!(part > 0.0) || !(spread[0][0] > 0.0)) return;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) sum[i][j] = spread[i][j] / seen + P[i][j];
+        for (int j = 0; j < 3; j++) sum[i][j] = spread[i][j] * factor + P[i][j];
     if (!inverted(sum, found)) copy(NOTHING, found);
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j <= i; j++) found[i][j] = found[j][i] = 0.5 * part * (found[i][j] + found[j][i]);
+        for (int j = 0; j < 3; j++) found[i][j] *= part;
 }
 
-static void take_back(Online *filter, const Measurement *measurement) {
+WIDE static void take_back(Online *filter, const Measurement *measurement) {
     int n = size_of(filter), used = (int)filter->used;
     double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
     with_centroid(filter, 0, G);

@@ -15,7 +15,7 @@ double part(double density, double T, double variance)
     Measurement measurement = {.span = T, .noise = {{variance, 0.0, 0.0}, {0.0, variance, 0.0}, {0.0, 0.0, variance}}};
     const double R[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
     find_seeming(R, &measurement);
-    return seen_part(&measurement, density);
+    return 1.0 / unseen_factor(&measurement, density);
 }"""
 
 
