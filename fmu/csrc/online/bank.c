@@ -26,12 +26,14 @@ typedef struct {
 #define MOST_OF_GRAVITY 2e-4
 #define GRAVITY_ODDS 0.6931471805599453
 
-static void add_noise(double q, double T, double *P, int stride) {
+/* White acceleration over T s, of a covariance whose rows are `stride` numbers apart, and of which those of a row are `apart`. */
+static void add_noise(double q, double T, double *P, int stride, int apart) {
+    const double place = q * T * T * T / 3.0, both = q * T * T / 2.0, speed = q * T;
     for (int k = 0; k < 3; k++) {
-        P[k * stride + k] += q * T * T * T / 3.0;
-        P[(3 + k) * stride + 3 + k] += q * T;
-        P[k * stride + 3 + k] += q * T * T / 2.0;
-        P[(3 + k) * stride + k] += q * T * T / 2.0;
+        P[k * stride + k * apart] += place;
+        P[(3 + k) * stride + (3 + k) * apart] += speed;
+        P[k * stride + (3 + k) * apart] += both;
+        P[(3 + k) * stride + k * apart] += both;
     }
 }
 
@@ -70,25 +72,27 @@ static int kind_of(const Online *filter, int m) {
 
 static int member_of(const Online *filter, int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
 
-/* Errors of pushes of a variance, as a part of these, in every direction alike. */
-static void add_execution(double variance, const double pushes[3], double P[ERRORS][ERRORS]) {
+#define ROW(L, a, b) (((a) * ERRORS + (b)) * (L)) /* where a covariance of the first of L members abreast is (member.c) */
+
+/* Errors of pushes of a variance, as a part of these, in every direction alike; of one of L members abreast. */
+static void add_execution(double variance, const double pushes[3], double *P, int L) {
     for (int k = 0; k < 3; k++) {
-        P[k][k] += variance * pushes[0];
-        P[3 + k][3 + k] += variance * pushes[1];
-        P[k][3 + k] += variance * pushes[2];
-        P[3 + k][k] += variance * pushes[2];
+        P[ROW(L, k, k)] += variance * pushes[0];
+        P[ROW(L, 3 + k, 3 + k)] += variance * pushes[1];
+        P[ROW(L, k, 3 + k)] += variance * pushes[2];
+        P[ROW(L, 3 + k, k)] += variance * pushes[2];
     }
 }
 
-/* White jerk over T s: of (r, v) and the acceleration. */
-static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
+/* White jerk over T s: of (r, v) and the acceleration; of one of L members abreast. */
+static void add_white_jerk(double jerk, double T, double *P, int L) {
     const int AT[3] = {0, 3, PATH_AND_MAP};
     const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
                                             {square * square / 8.0, square * T / 3.0, square / 2.0},
                                             {square * T / 6.0, square / 2.0, T}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) P[AT[i] + k][AT[j] + k] += jerk * Q[i][j];
+            for (int k = 0; k < 3; k++) P[ROW(L, AT[i] + k, AT[j] + k)] += jerk * Q[i][j];
 }
 
 /* What the large filter's errors from `first` to n are with a coordinate of the offset that the last node saw, or, the fourth, with the scale. */

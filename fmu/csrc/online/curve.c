@@ -33,42 +33,38 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
     }
 }
 
-/* What a member knows of the thrusters has changed: it goes along the curve. */
-static void follow_curve(Curve curve, const double change[OF_THRUST], Member *member) {
-    double slopes[OF_THRUST][PATH_AND_MAP], before[OF_THRUST][PATH_AND_MAP], (*of_thrust)[ERRORS] = &member->P[THRUST];
-    for (int a = 0; a < PATH_AND_MAP; a++) {
-        double slope[OF_THRUST] = {0.0};
-        for (int i = 0; i < 3; i++) {
-            slope[0] += curve[a][i] * change[1 + i];
-            slope[1 + i] += curve[a][i] * change[0];
-            for (int j = 0; j < 3; j++) slope[1 + i] += curve[a][product_of(i, j)] * change[1 + j];
-        }
-        for (int k = 0; k < OF_THRUST; k++) {
-            member->x[a] += 0.5 * slope[k] * change[k];
-            slopes[k][a] = slope[k];
-        }
-    }
-    for (int k = 0; k < OF_THRUST; k++)
-        for (int b = 0; b < PATH_AND_MAP; b++) {
-            before[k][b] = of_thrust[k][b];
-            of_thrust[k][b] += by_column(OF_THRUST, &of_thrust[k][THRUST], &slopes[0][b], PATH_AND_MAP);
-        }
+/* What L members abreast know of the thrusters has changed: they go along the curve. */
+static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const double *restrict change, double *restrict x, double *restrict P) {
+    double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], *of_thrust = P + ROW(L, THRUST, 0);
     for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int m = 0; m < L; m++) {
+            double slope[OF_THRUST] = {0.0};
+            for (int i = 0; i < 3; i++) {
+                slope[0] += curve[a][i] * change[(1 + i) * L + m];
+                slope[1 + i] += curve[a][i] * change[m];
+                for (int j = 0; j < 3; j++) slope[1 + i] += curve[a][product_of(i, j)] * change[(1 + j) * L + m];
+            }
+            for (int k = 0; k < OF_THRUST; k++) {
+                x[a * L + m] += 0.5 * slope[k] * change[k * L + m];
+                slopes[k][a * L + m] = slope[k];
+            }
+        }
+    for (int k = 0; k < OF_THRUST; k++)
         for (int b = 0; b < PATH_AND_MAP; b++)
-            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] += slopes[k][a] * before[k][b] + of_thrust[k][a] * slopes[k][b];
-    for (int a = PATH_AND_MAP; a < MOTION && bends(member); a++)
+            for (int m = 0; m < L; m++) {
+                double sum = before[k][b * L + m] = of_thrust[ROW(L, k, b) + m];
+                for (int i = 0; i < OF_THRUST; i++) sum += of_thrust[ROW(L, k > i ? k : i, THRUST + (k > i ? i : k)) + m] * slopes[i][b * L + m];
+                of_thrust[ROW(L, k, b) + m] = sum;
+            }
+    for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int b = 0; b <= a; b++)
+            for (int k = 0; k < OF_THRUST; k++)
+                for (int m = 0; m < L; m++)
+                    P[ROW(L, a, b) + m] += slopes[k][a * L + m] * before[k][b * L + m] + of_thrust[ROW(L, k, a) + m] * slopes[k][b * L + m];
+    for (int a = PATH_AND_MAP; a < MOTION && bent; a++)
         for (int b = 0; b < PATH_AND_MAP; b++)
-            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] += of_thrust[k][a] * slopes[k][b];
-}
-
-/* The update with a node, along a curve, or NULL; else as `update_member`. */
-static int update_on_curve(Member *member, const Measurement *measurement, Curve curve, double least) {
-    double change[OF_THRUST];
-    for (int k = 0; k < OF_THRUST; k++) change[k] = -member->x[THRUST + k];
-    const int sound = update_member(member, measurement, least);
-    for (int k = 0; k < OF_THRUST; k++) change[k] += member->x[THRUST + k];
-    if (sound && curve && member->errors > MOTION && !(member->weight < least)) follow_curve(curve, change, member);
-    return sound;
+            for (int k = 0; k < OF_THRUST; k++)
+                for (int m = 0; m < L; m++) P[ROW(L, a, b) + m] += of_thrust[ROW(L, k, a) + m] * slopes[k][b * L + m];
 }
 
 /* A member whose thrusters are taken for known; 0 where their covariance is none. */
@@ -89,11 +85,11 @@ static int know_thrust(Member *member) {
 /* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member, which has seen the change,
    has for given thrusters. */
 static void update_curve(Online *filter, const Member *likely, const Measurement *measurement) {
-    double(*curve)[PRODUCTS] = filter->curve, e[3], L[9], B[3][ERRORS];
+    double(*curve)[PRODUCTS] = filter->curve, e[3], L[9], B[3][ERRORS * ABREAST];
     if (filter->manoeuvred == 0.0) return;
     Member member = *likely;
     if (!know_thrust(&member) || !innovation(&member, measurement, e, L, B)) return;
-    whiten_rows(L, PATH_AND_MAP, ERRORS, B[0]);
+    whiten_rows(1, PATH_AND_MAP, L, B);
     for (int p = 0; p < PRODUCTS; p++) {
         double of_map[OF_MAP];
         for (int a = 0; a < OF_MAP; a++) {

@@ -16,7 +16,7 @@ static void changed_likeliest(const Online *filter, const Measurement *measureme
 /* The density of white acceleration since the node before that explains where the likeliest member, which has seen the change, does not
    expect a node; 0 where it may. */
 static double jump_at(const Member *likely, const Measurement *measurement) {
-    double e[3], L[9], B[3][ERRORS], span = measurement->span;
+    double e[3], L[9], B[3][ERRORS * ABREAST], span = measurement->span;
     if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return 0.0;
     double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
     whitened(L, e);
@@ -30,7 +30,7 @@ static int add_jump(PackedMember bank[MEMBERS], int best, const Member *likely, 
     for (int m = STEADY; m < MEMBERS; m++)
         if (m != best && (found < 0 || bank[m].weight < bank[found].weight)) found = m;
     Member from = *likely;
-    add_noise(density, span, &from.P[0][0], ERRORS);
+    add_noise(density, span, &from.P[0][0], ERRORS, 1);
     from.weight += JUMP;
     pack_member(&from, &bank[found]);
     return found;
@@ -107,40 +107,22 @@ static void weigh_members(Online *filter) {
     filter->density = exp(mean / sum);
 }
 
-/* A member takes a node, along a curve, or NULL, and what that only seems to show is taken back; 0 where rounding has left the
-   covariance indefinite. Of one that becomes less likely than `least`, only how likely. */
-static int take_node(Member *member, const Measurement *measurement, Curve curve, double widest, double least) {
-    const int sound = update_on_curve(member, measurement, curve, least);
-    if (!(member->weight < least)) take_back_of_member(member, measurement, process_noise_of((int)member->steady).white, widest);
-    return sound;
-}
-
-/* Whether a member is where the likeliest of its kind is, but for its process noise: that was far likelier at the node before (`refresh`). */
-static int is_as(const PackedMember *first, const PackedMember *member) {
-    return fabs(member->weight - first->weight - UNLIKELY) < 1e-9 && !is_bending(member);
-}
-
 /* A node updates the members from `begin` to `end`, of a kind: the likeliest comes first, as what is far less likely than that goes on from the best
-   one anyway. `fresh` jumps there. 0 where rounding has left a covariance indefinite. */
+   one anyway, and of such a member only how likely it is counts. `fresh` jumps there. 0 where rounding has left a covariance indefinite. */
 static int update_kind(Online *filter, int begin, int end, int fresh, const Measurement *measurement, Curve curve) {
     PackedMember *bank = filter->bank;
     const int first = likeliest_of(bank, begin, end), jumps = begin >= count_of(filter);
-    int as_first[MEMBERS], sound = 1;
     double least = -INFINITY;
-    Member member, moved;
-    for (int m = begin; m < end; m++) as_first[m] = !jumps && is_as(&bank[first], &bank[m]);
-    for (int k = begin - 1; k < end; k++) {
-        const int m = k < begin ? first : k;
-        if (k == first || !is_alive(&bank[m])) continue;
-        if (as_first[m]) member = moved, member.weight = bank[m].weight, member.steady = bank[m].steady, member.trend = bank[m].trend;
-        else unpack_member(&bank[m], &member);
-        if (m != fresh && !as_first[m]) move_to_node(&member, measurement);
-        if (k < begin && !jumps) moved = member;
-        if (m != fresh) add_noise_since(&filter->options, &member, measurement);
-        sound = take_node(&member, measurement, curve, filter->widest, least) && sound;
-        if (member.weight < least) bank[m].weight = member.weight;
-        else pack_member(&member, &bank[m]);
-        if (k < begin && !jumps) least = member.weight + UNLIKELY;
+    int sound = 1;
+    Abreast members;
+    members.count = 0;
+    for (int k = begin - 1; k <= end; k++) {
+        const int m = k < begin ? first : k, is_end = k == end;
+        if (members.count == ABREAST || (members.count > 0 && (is_end || m == fresh || members.at[0] == fresh))) {
+            sound = take_abreast(&filter->options, bank, &members, members.at[0] == fresh, measurement, curve, filter->widest, jumps ? NULL : &least) && sound;
+            members.count = 0;
+        }
+        if (!is_end && k != first && is_alive(&bank[m])) members.at[members.count++] = m;
     }
     return sound;
 }
@@ -161,7 +143,7 @@ static int update_members(Online *filter, const Member *likely, const Measuremen
    What they had before it was known that the path bends is forgotten then. And how large they are since that one has the largest density: larger
    than it expects where that is too small. */
 static void note_likeliest(Online *filter, const Member *likely, const Measurement *measurement) {
-    double e[3], L[9], B[3][ERRORS];
+    double e[3], L[9], B[3][ERRORS * ABREAST];
     const int bent = process_noise_of((int)likely->steady).bend > 0.0;
     if (!innovation(likely, measurement, e, L, B)) return;
     whitened(L, e);
@@ -195,9 +177,9 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     unpack_member(&filter->bank[SHADOW], &shadow);
     if (measurement->since) advance_large(filter, &shadow, measurement->since);
     add_change(&shadow, measurement);
-    add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS);
+    add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS, 1);
     add_thrust_of_node(filter, measurement, of_shadow.noise);
-    sound = update_member(&shadow, &of_shadow, -INFINITY) && sound;
+    sound = update_member(&shadow, &of_shadow) && sound;
     shadow.weight = 0.0;
     pack_member(&shadow, &filter->bank[SHADOW]);
     if (!sound) start_bank(filter), *late = 0;

@@ -1,6 +1,7 @@
 /* What a member of the bank goes through: a transition, the change that comes with a node, and the node. From its update on only the
 lower triangle of a covariance holds, as that is what is kept of it. Numbers of errors are constants where most of the time is spent:
-so compilers take as many numbers at once as the processor does. */
+so compilers take as many numbers at once as the processor does. What goes on in a member is written once for one member and for some abreast, L: each number of one
+stands beside the same of the others, so that the same is done to all at once (abreast.c). */
 
 /* Whether its path bends: an acceleration of which nothing is uncertain is zero, and so is all that is known with it. */
 static int bends(const Member *member) { return member->P[PATH_AND_MAP][PATH_AND_MAP] != 0.0; }
@@ -15,57 +16,60 @@ static ALWAYS_INLINE double by_column(int count, const double factors[], const d
 /* What an acceleration adds to a component of (r, v) in T s. */
 static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
 
-/* The covariance of n errors goes on by a transition, in which thrusters, if there are errors of them, and an acceleration, if the path
-   bends, move it besides. */
-static ALWAYS_INLINE void spread_member(int n, int bent, const Transition *transition, double P[ERRORS][ERRORS]) {
-    const double(*F)[6] = transition->F, (*by_thrust)[OF_THRUST] = transition->by_thrust;
-    double A[6][ERRORS], across[6][6], across_thrust[OF_THRUST][6], s[6];
+/* What n errors of L members are wrong by goes on by a transition, and their covariance, in which thrusters, if there are errors of them,
+   and an acceleration, if a path bends, move them besides: in a straight line, as an orbit is gone in small arcs. Without process noise. */
+static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *transition, double *restrict x, double *restrict P) {
+    const double(*F)[6] = transition->F, (*by_thrust)[OF_THRUST] = transition->by_thrust, T = transition->span;
+    double A[6][ERRORS * ABREAST], to[6 * ABREAST];
     for (int a = 0; a < 6; a++) {
-        const double by = bent_by(a, transition->span);
-        for (int k = 0; k < 6; k++) across[k][a] = F[a][k];
-        for (int k = 0; k < OF_THRUST; k++) across_thrust[k][a] = by_thrust[a][k];
-        for (int b = 0; b < n; b++) {
-            A[a][b] = by_column(6, F[a], &P[0][b], ERRORS);
-            if (n > MOTION) A[a][b] += by_column(OF_THRUST, by_thrust[a], &P[THRUST][b], ERRORS);
+        for (int m = 0; m < L; m++) {
+            double sum = transition->step[a] + by_column(6, F[a], x + m, L);
+            if (bent) sum += bent_by(a, T) * x[(PATH_AND_MAP + a % 3) * L + m];
+            if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[a], x + THRUST * L + m, L);
+            to[a * L + m] = sum;
         }
-        for (int b = 0; b < n && bent; b++) A[a][b] += by * P[PATH_AND_MAP + a % 3][b];
+        for (int j = 0; j < n * L; j++) {
+            A[a][j] = by_column(6, F[a], P + j, ERRORS * L);
+            if (n > MOTION) A[a][j] += by_column(OF_THRUST, by_thrust[a], P + ROW(L, THRUST, 0) + j, ERRORS * L);
+            if (bent) A[a][j] += bent_by(a, T) * P[ROW(L, PATH_AND_MAP + a % 3, 0) + j];
+        }
     }
     for (int a = 0; a < 6; a++) {
-        for (int b = 0; b < 6; b++) {
-            s[b] = by_column(6, A[a], &across[0][b], 6);
-            if (n > MOTION) s[b] += by_column(OF_THRUST, &A[a][THRUST], &across_thrust[0][b], 6);
-        }
-        for (int b = 0; b < 6 && bent; b++) s[b] += bent_by(b, transition->span) * A[a][PATH_AND_MAP + b % 3];
-        s[a] += ROUNDING * s[a];
-        for (int b = 0; b <= a; b++) P[a][b] = P[b][a] = s[b];
-        for (int b = 6; b < n; b++) P[a][b] = P[b][a] = A[a][b];
+        for (int m = 0; m < L; m++) x[a * L + m] = to[a * L + m];
+        for (int b = 0; b <= a; b++)
+            for (int m = 0; m < L; m++) {
+                double sum = by_column(6, F[b], &A[a][m], L);
+                if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[b], &A[a][THRUST * L + m], L);
+                if (bent) sum += bent_by(b, T) * A[a][(PATH_AND_MAP + b % 3) * L + m];
+                P[ROW(L, a, b) + m] = P[ROW(L, b, a) + m] = a == b ? sum + ROUNDING * sum : sum;
+            }
+        for (int b = 6; b < n; b++)
+            for (int m = 0; m < L; m++) P[ROW(L, a, b) + m] = P[ROW(L, b, a) + m] = A[a][b * L + m];
     }
 }
 
-/* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. Without process noise. */
+static ALWAYS_INLINE void transit_abreast(int L, int manoeuvred, int bent, const Transition *transition, double *x, double *P) {
+    if (manoeuvred && bent) spread(L, ERRORS, 1, transition, x, P);
+    else if (manoeuvred) spread(L, ERRORS, 0, transition, x, P);
+    else if (bent) spread(L, MOTION, 1, transition, x, P);
+    else spread(L, PATH_AND_MAP, 0, transition, x, P);
+}
+
 WIDE static void transit(Member *member, const Transition *transition) {
-    const double T = transition->span;
-    const int bent = bends(member);
-    double x[6];
-    for (int a = 0; a < 6; a++) {
-        x[a] = transition->step[a] + by_column(6, transition->F[a], member->x, 1);
-        if (bent) x[a] += bent_by(a, T) * member->x[PATH_AND_MAP + a % 3];
-        if (member->errors > MOTION) x[a] += by_column(OF_THRUST, transition->by_thrust[a], &member->x[THRUST], 1);
-    }
-    for (int a = 0; a < 6; a++) member->x[a] = x[a];
-    if (member->errors > MOTION && bent) spread_member(ERRORS, 1, transition, member->P);
-    else if (member->errors > MOTION) spread_member(ERRORS, 0, transition, member->P);
-    else if (bent) spread_member(MOTION, 1, transition, member->P);
-    else spread_member(PATH_AND_MAP, 0, transition, member->P);
+    transit_abreast(1, member->errors > MOTION, bends(member), transition, member->x, member->P[0]);
 }
 
-/* What process noise adds in a transition. */
-static void add_process_noise(Member *member, ProcessNoise noise, const Transition *transition) {
+/* What process noise adds in a transition to one of L members, whose covariance of so many errors is from P on. */
+static void add_noise_abreast(int L, double errors, ProcessNoise noise, const Transition *transition, double *P) {
     const double T = transition->span;
-    add_noise(noise.white, T, &member->P[0][0], ERRORS);
-    if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
-    for (int k = THRUST; k < (int)member->errors; k++) member->P[k][k] += noise.wander * T;
-    if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, member->P);
+    add_noise(noise.white, T, P, ERRORS * L, L);
+    if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, P, L);
+    for (int k = THRUST; k < (int)errors; k++) P[ROW(L, k, k)] += noise.wander * T;
+    if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, P, L);
+}
+
+static void add_process_noise(Member *member, ProcessNoise noise, const Transition *transition) {
+    add_noise_abreast(1, member->errors, noise, transition, member->P[0]);
 }
 
 static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
@@ -73,9 +77,9 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     add_process_noise(member, noise, transition);
 }
 
-/* The process noise of a member. */
-static ProcessNoise noise_of(const OnlineOptions *options, const Member *member) {
-    ProcessNoise noise = process_noise_of((int)member->steady);
+/* The process noise of a kind. */
+static ProcessNoise noise_of(const OnlineOptions *options, double steady) {
+    ProcessNoise noise = process_noise_of((int)steady);
     noise.wander *= options->thrust * options->thrust, noise.execution *= options->thrust * options->thrust;
     return noise;
 }
@@ -95,72 +99,62 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
         if (!is_alive(&bank[m])) continue;
         unpack_member(&bank[m], &member);
         if (m == SHADOW) advance_large(filter, &member, transition);
-        else advance_member(&member, noise_of(&filter->options, &member), transition);
+        else advance_member(&member, noise_of(&filter->options, member.steady), transition);
         pack_member(&member, &bank[m]);
     }
 }
 
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
-   the other. */
-WIDE static void add_change(Member *member, const Measurement *measurement) {
-    const int n = (int)member->errors;
-    double more[OF_MAP][ERRORS], x[OF_MAP], (*of_map)[ERRORS] = &member->P[OFFSET];
+   the other. Of n errors of L members. */
+static ALWAYS_INLINE void change(int L, int n, const Measurement *measurement, double *restrict x, double *restrict P) {
+    double more[OF_MAP][ERRORS * ABREAST], by[OF_MAP * ABREAST], *of_map = P + ROW(L, OFFSET, 0);
     for (int a = 0; a < OF_MAP; a++) {
         const double *follow = measurement->follow[a];
-        x[a] = 0.0;
-        for (int b = 0; b < OF_MAP; b++) x[a] += follow[b] * member->x[OFFSET + b];
-        for (int j = 0; j < n; j++)
-            more[a][j] = follow[0] * of_map[0][j] + follow[1] * of_map[1][j] + follow[2] * of_map[2][j] + follow[3] * of_map[3][j];
+        for (int m = 0; m < L; m++) by[a * L + m] = by_column(OF_MAP, follow, x + OFFSET * L + m, L);
+        for (int j = 0; j < n * L; j++) more[a][j] = by_column(OF_MAP, follow, of_map + j, ERRORS * L);
     }
     for (int a = 0; a < OF_MAP; a++) {
-        member->x[OFFSET + a] += x[a];
-        for (int j = 0; j < n; j++) of_map[a][j] += more[a][j];
+        for (int m = 0; m < L; m++) x[(OFFSET + a) * L + m] += by[a * L + m];
+        for (int j = 0; j < n * L; j++) of_map[ROW(L, a, 0) + j] += more[a][j];
     }
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) {
-            double sum = measurement->change[a][b] + of_map[a][OFFSET + b];
-            for (int k = 0; k < OF_MAP; k++) sum += of_map[a][OFFSET + k] * measurement->follow[b][k];
-            more[a][b] = sum;
-        }
+        for (int b = 0; b <= a; b++)
+            for (int m = 0; m < L; m++) {
+                double sum = measurement->change[a][b] + of_map[ROW(L, a, OFFSET + b) + m];
+                for (int k = 0; k < OF_MAP; k++) sum += of_map[ROW(L, a, OFFSET + k) + m] * measurement->follow[b][k];
+                more[a][b * L + m] = sum;
+            }
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) of_map[a][OFFSET + b] = of_map[b][OFFSET + a] = more[a][b];
-    for (int j = 0; j < n; j++)
-        for (int a = 0; a < OF_MAP; a++) member->P[j][OFFSET + a] = of_map[a][j];
+        for (int b = 0; b <= a; b++)
+            for (int m = 0; m < L; m++) of_map[ROW(L, a, OFFSET + b) + m] = of_map[ROW(L, b, OFFSET + a) + m] = more[a][b * L + m];
+    for (int b = 0; b < n; b++)
+        for (int a = 0; a < OF_MAP; a++)
+            for (int m = 0; m < L; m++) P[ROW(L, b, OFFSET + a) + m] = of_map[ROW(L, a, b) + m];
 }
 
-/* A member goes on to a node, unless it has, and what it sees there is of other features than at the one before; without process noise. */
-static void move_to_node(Member *member, const Measurement *measurement) {
+static ALWAYS_INLINE void change_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, double *x, double *P) {
+    if (manoeuvred) change(L, ERRORS, measurement, x, P);
+    else if (bent) change(L, MOTION, measurement, x, P);
+    else change(L, PATH_AND_MAP, measurement, x, P);
+}
+
+WIDE static void add_change(Member *member, const Measurement *measurement) {
+    change_abreast(1, member->errors > MOTION, bends(member), measurement, member->x, member->P[0]);
+}
+
+/* A member goes on to a node, unless it has, and what it sees there is of other features than at the one before. */
+static void go_to_node(const OnlineOptions *options, Member *member, const Measurement *measurement) {
     if (measurement->since) transit(member, measurement->since);
     add_change(member, measurement);
+    if (measurement->since) add_process_noise(member, noise_of(options, member->steady), measurement->since);
 }
 
-/* The process noise since the node before, unless a member has gone on. */
-static void add_noise_since(const OnlineOptions *options, Member *member, const Measurement *measurement) {
-    if (measurement->since) add_process_noise(member, noise_of(options, member), measurement->since);
-}
-
-static void go_to_node(const OnlineOptions *options, Member *member, const Measurement *measurement) {
-    move_to_node(member, measurement);
-    add_noise_since(options, member, measurement);
-}
-
-/* What n errors are with a coordinate of what a node says, which goes with (r, v, offset, scale) by `by`, and with an acceleration, if the
-   path bends, and errors of thrusters. */
-static ALWAYS_INLINE void with_node(int n, int bent, int k, const double by[PATH_AND_MAP], const Measurement *measurement,
-                                    const double P[ERRORS][ERRORS], double *restrict row) {
-    for (int a = 0; a < n; a++) {
-        row[a] = P[k][a] + by_column(PATH_AND_MAP - 3, &by[3], &P[3][a], ERRORS);
-        if (n > MOTION) row[a] += by_column(OF_THRUST, measurement->by_thrust[k], &P[THRUST][a], ERRORS);
-    }
-    for (int a = 0; a < n && bent; a++) row[a] += measurement->bend * P[PATH_AND_MAP + k][a];
-}
-
-/* What a node is not where a member predicts it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
-   there is no factor. */
-WIDE static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
-    const double bend = measurement->bend, (*P)[ERRORS] = member->P;
-    const int manoeuvred = member->errors > MOTION, bent = bends(member);
+/* What a node is not where L members predict it: e, its covariance C, of which the lower triangle is set, and what it is with n errors of
+   the members, B. */
+static ALWAYS_INLINE void innovate(int L, int n, int bent, const Measurement *measurement, const double *restrict x, const double *restrict P,
+                                   double *restrict e, double *restrict C, double (*restrict B)[ERRORS * ABREAST]) {
+    const double bend = measurement->bend;
     double by[3][PATH_AND_MAP];
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++) {
@@ -169,37 +163,58 @@ WIDE static int innovation(const Member *member, const Measurement *measurement,
             by[k][OFFSET + i] = measurement->offset[k][i];
         }
         by[k][SCALE] = measurement->scale[k];
-        if (manoeuvred && bent) with_node(ERRORS, 1, k, by[k], measurement, P, B[k]);
-        else if (manoeuvred) with_node(ERRORS, 0, k, by[k], measurement, P, B[k]);
-        else if (bent) with_node(MOTION, 1, k, by[k], measurement, P, B[k]);
-        else with_node(PATH_AND_MAP, 0, k, by[k], measurement, P, B[k]);
-    }
-    for (int k = 0; k < 3; k++) {
-        e[k] = measurement->c[k] - member->x[k] - by_column(PATH_AND_MAP - 3, &by[k][3], &member->x[3], 1) - bend * member->x[PATH_AND_MAP + k];
-        if (manoeuvred) e[k] -= by_column(OF_THRUST, measurement->by_thrust[k], &member->x[THRUST], 1);
-        for (int j = 0; j <= k; j++) {
-            L[3 * k + j] = measurement->noise[k][j] + B[k][j] + by_column(PATH_AND_MAP - 3, &by[j][3], &B[k][3], 1);
-            if (bent) L[3 * k + j] += bend * B[k][PATH_AND_MAP + j];
-            if (manoeuvred) L[3 * k + j] += by_column(OF_THRUST, measurement->by_thrust[j], &B[k][THRUST], 1);
+        for (int j = 0; j < n * L; j++) {
+            B[k][j] = P[ROW(L, k, 0) + j] + by_column(PATH_AND_MAP - 3, &by[k][3], P + ROW(L, 3, 0) + j, ERRORS * L);
+            if (n > MOTION) B[k][j] += by_column(OF_THRUST, measurement->by_thrust[k], P + ROW(L, THRUST, 0) + j, ERRORS * L);
+            if (bent) B[k][j] += bend * P[ROW(L, PATH_AND_MAP + k, 0) + j];
         }
     }
-    return factored(3, L);
-}
-
-/* B' C of three rows is added to the lower triangle of the rows from `begin` to `end` of a covariance, up to a width. */
-static ALWAYS_INLINE void add_to_rows(int begin, int end, int width, const double B[3][ERRORS], const double C[3][ERRORS], double (*restrict P)[ERRORS]) {
-    for (int a = begin; a < end; a++) {
-        const double x = B[0][a], y = B[1][a], z = B[2][a];
-        for (int b = 0; b < width; b++) P[a][b] += x * C[0][b] + y * C[1][b] + z * C[2][b];
+    for (int k = 0; k < 3; k++) {
+        for (int m = 0; m < L; m++) {
+            double off = measurement->c[k] - x[k * L + m] - by_column(PATH_AND_MAP - 3, &by[k][3], x + 3 * L + m, L);
+            if (bent) off -= bend * x[(PATH_AND_MAP + k) * L + m];
+            if (n > MOTION) off -= by_column(OF_THRUST, measurement->by_thrust[k], x + THRUST * L + m, L);
+            e[k * L + m] = off;
+        }
+        for (int i = 0; i <= k; i++)
+            for (int m = 0; m < L; m++) {
+                double sum = measurement->noise[k][i] + B[k][i * L + m] + by_column(PATH_AND_MAP - 3, &by[i][3], &B[k][3 * L + m], L);
+                if (bent) sum += bend * B[k][(PATH_AND_MAP + i) * L + m];
+                if (n > MOTION) sum += by_column(OF_THRUST, measurement->by_thrust[i], &B[k][THRUST * L + m], L);
+                C[(3 * k + i) * L + m] = sum;
+            }
     }
 }
 
-/* The same of all rows of a member: those of an acceleration are zero unless its path bends. */
-WIDE static void add_products(Member *member, const double B[3][ERRORS], const double C[3][ERRORS]) {
-    add_to_rows(0, OFFSET, OFFSET, B, C, member->P);
-    add_to_rows(OFFSET, PATH_AND_MAP, PATH_AND_MAP, B, C, member->P);
-    if (bends(member)) add_to_rows(PATH_AND_MAP, MOTION, MOTION, B, C, member->P);
-    if (member->errors > MOTION) add_to_rows(THRUST, ERRORS, ERRORS, B, C, member->P);
+static ALWAYS_INLINE void innovate_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, const double *x, const double *P,
+                                           double *e, double *C, double (*B)[ERRORS * ABREAST]) {
+    if (manoeuvred && bent) innovate(L, ERRORS, 1, measurement, x, P, e, C, B);
+    else if (manoeuvred) innovate(L, ERRORS, 0, measurement, x, P, e, C, B);
+    else if (bent) innovate(L, MOTION, 1, measurement, x, P, e, C, B);
+    else innovate(L, PATH_AND_MAP, 0, measurement, x, P, e, C, B);
+}
+
+/* The same of a member, with the covariance's Cholesky factor C; 0 if there is none. */
+WIDE static int innovation(const Member *member, const Measurement *measurement, double e[3], double C[9], double B[3][ERRORS * ABREAST]) {
+    innovate_abreast(1, member->errors > MOTION, bends(member), measurement, member->x, member->P[0], e, C, B);
+    return factored(3, C);
+}
+
+/* B' C of three rows is added to the lower triangle of the rows from `begin` to `end` of covariances of L members, up to a width. */
+static ALWAYS_INLINE void add_to_rows(int L, int begin, int end, int width, const double (*restrict B)[ERRORS * ABREAST],
+                                      const double (*restrict C)[ERRORS * ABREAST], double *restrict P) {
+    for (int a = begin; a < end; a++)
+        for (int b = 0; b < (L > 1 ? a + 1 : width); b++)
+            for (int m = 0; m < L; m++)
+                P[ROW(L, a, b) + m] += B[0][a * L + m] * C[0][b * L + m] + B[1][a * L + m] * C[1][b * L + m] + B[2][a * L + m] * C[2][b * L + m];
+}
+
+/* The same of all rows: those of an acceleration are zero unless a path bends. */
+static ALWAYS_INLINE void add_products(int L, int manoeuvred, int bent, const double B[3][ERRORS * ABREAST], const double C[3][ERRORS * ABREAST], double *P) {
+    add_to_rows(L, 0, OFFSET, OFFSET, B, C, P);
+    add_to_rows(L, OFFSET, PATH_AND_MAP, PATH_AND_MAP, B, C, P);
+    if (bent) add_to_rows(L, PATH_AND_MAP, MOTION, MOTION, B, C, P);
+    if (manoeuvred) add_to_rows(L, THRUST, ERRORS, ERRORS, B, C, P);
 }
 
 /* Where the path is as a member takes it for, successive innovations have nothing in common. One that may be a jump, whitened like all, does not count. */
@@ -210,22 +225,57 @@ static void note_innovation(const double e[3], Trend *trend) {
     for (int k = 0; k < 3; k++) trend->last[k] = e[k];
 }
 
-/* The update with a node; 0 if rounding has left the covariance indefinite. Of a member that becomes less likely than `least`, only how likely. */
-static int update_member(Member *member, const Measurement *measurement, double least) {
-    const int n = member->errors > MOTION ? ERRORS : bends(member) ? MOTION : PATH_AND_MAP;
-    double e[3], L[9], B[3][ERRORS], less[3][ERRORS], more[ERRORS];
-    if (!innovation(member, measurement, e, L, B)) return 0;
-    whitened(L, e);
-    member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    if (member->weight < least) return 1;
+/* The Cholesky factor C^-1 of three rows of n errors of L members, in place. */
+static ALWAYS_INLINE void whiten_rows(int L, int n, const double *restrict C, double (*restrict B)[ERRORS * ABREAST]) {
+    double inverse[3 * ABREAST];
+    for (int k = 0; k < 3; k++)
+        for (int m = 0; m < L; m++) inverse[k * L + m] = 1.0 / C[4 * k * L + m];
+    for (int a = 0; a < n; a++)
+        for (int m = 0; m < L; m++) {
+            const double first = B[0][a * L + m] * inverse[m];
+            const double second = (B[1][a * L + m] - C[3 * L + m] * first) * inverse[L + m];
+            B[0][a * L + m] = first, B[1][a * L + m] = second;
+            B[2][a * L + m] = (B[2][a * L + m] - C[6 * L + m] * first - C[7 * L + m] * second) * inverse[2 * L + m];
+        }
+}
+
+/* The update of n errors of L members with a node: e, whitened, B of `innovate` and the Cholesky factor C. */
+static ALWAYS_INLINE void learn(int L, int n, int bent, const double *restrict e, const double *restrict C, double (*restrict B)[ERRORS * ABREAST],
+                                 double *restrict x, double *restrict P) {
+    double less[3][ERRORS * ABREAST], more[ERRORS * ABREAST];
+    whiten_rows(L, n, C, B);
+    for (int a = 0; a < n; a++)
+        for (int m = 0; m < L; m++) {
+            const int j = a * L + m;
+            for (int k = 0; k < 3; k++) less[k][j] = -B[k][j];
+            x[j] += B[0][j] * e[m] + B[1][j] * e[L + m] + B[2][j] * e[2 * L + m];
+            more[j] = ROUNDING * P[ROW(L, a, a) + m];
+        }
+    add_products(L, n > MOTION, bent, (const double(*)[ERRORS * ABREAST])less, (const double(*)[ERRORS * ABREAST])B, P);
+    for (int a = 0; a < n; a++)
+        for (int m = 0; m < L; m++) P[ROW(L, a, a) + m] += more[a * L + m];
+}
+
+static ALWAYS_INLINE void update_abreast(int L, int manoeuvred, int bent, const double *e, const double *C, double (*B)[ERRORS * ABREAST], double *x, double *P) {
+    if (manoeuvred) learn(L, ERRORS, bent, e, C, B, x, P);
+    else if (bent) learn(L, MOTION, 1, e, C, B, x, P);
+    else learn(L, PATH_AND_MAP, 0, e, C, B, x, P);
+}
+
+/* What an innovation e, which becomes a whitened one by the Cholesky factor C of L members' covariances, says of how likely one is. */
+static double log_likelihood(const double C[9], double e[3]) {
+    whitened(C, e);
+    return -(0.5 * dot(e, e) + log(C[0] * C[4] * C[8]));
+}
+
+/* The update with a node; 0 if rounding has left the covariance indefinite. */
+WIDE static int update_member(Member *member, const Measurement *measurement) {
+    const int manoeuvred = member->errors > MOTION, bent = bends(member);
+    double e[3], C[9], B[3][ERRORS * ABREAST];
+    innovate_abreast(1, manoeuvred, bent, measurement, member->x, member->P[0], e, C, B);
+    if (!factored(3, C)) return 0;
+    member->weight += log_likelihood(C, e);
     note_innovation(e, &member->trend);
-    whiten_rows(L, n, ERRORS, B[0]);
-    for (int a = 0; a < n; a++) {
-        for (int k = 0; k < 3; k++) less[k][a] = -B[k][a];
-        member->x[a] += B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];
-        more[a] = ROUNDING * member->P[a][a];
-    }
-    add_products(member, less, B);
-    for (int a = 0; a < n; a++) member->P[a][a] += more[a];
+    update_abreast(1, manoeuvred, bent, e, C, B, member->x, member->P[0]);
     return 1;
 }

@@ -59,6 +59,7 @@ enum {
     OF_THRUST = 4,
     PRODUCTS = 9, /* of two of these: of the scale and a pointing, and of two pointings */
     ERRORS = THRUST + OF_THRUST,
+    ABREAST = 4, /* members of the bank that are taken at once */
     PAIRS = ERRORS * (ERRORS + 1) / 2,
     N_ELEMENTS = 7,
     SPIN = 11,     /* errors of a tumble: a rotation vector in C, rate in B, coefficients of the inertia */

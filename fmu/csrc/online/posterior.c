@@ -25,7 +25,7 @@ static int open_node(const Online *filter, double since, Measurement *measuremen
 }
 
 /* The bank takes what a node says, with a jump where it has to; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double widest) {
+static int take_measurement(const OnlineOptions *options, PackedMember bank[MEMBERS], const Measurement *measurement, Curve curve, double widest) {
     const int best = likeliest(bank);
     Member member, changed;
     unpack_member(&bank[best], &member);
@@ -33,12 +33,14 @@ static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measu
     add_change(&changed, measurement);
     const double density = jump_at(&changed, measurement);
     if (density > 0.0) add_jump(bank, best, &member, density, measurement->span);
-    for (int m = 0; m < MEMBERS; m++) {
-        if (!is_alive(&bank[m])) continue;
-        unpack_member(&bank[m], &member);
-        add_change(&member, measurement);
-        if (!take_node(&member, measurement, curve, widest, -INFINITY)) return 0;
-        pack_member(&member, &bank[m]);
+    Abreast members;
+    members.count = 0;
+    for (int m = 0; m <= MEMBERS; m++) {
+        if (members.count == ABREAST || (m == MEMBERS && members.count > 0)) {
+            if (!take_abreast(options, bank, &members, 0, measurement, curve, widest, NULL)) return 0;
+            members.count = 0;
+        }
+        if (m < MEMBERS && is_alive(&bank[m])) members.at[members.count++] = m;
     }
     return 1;
 }
@@ -106,7 +108,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
     int taken = filter->node.count > 0.0 && open_node(filter, transition.span, &measurement);
-    if (taken && !take_measurement(bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
+    if (taken && !take_measurement(&filter->options, bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);

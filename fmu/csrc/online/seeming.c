@@ -49,21 +49,30 @@ WIDE static void take_back(Online *filter, const Measurement *measurement) {
         for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
 }
 
-static ALWAYS_INLINE void take_back_of(int n, Member *member, const Measurement *measurement, double density, double widest) {
-    double P[3][3], less[3][3], G[3][ERRORS], MG[3][ERRORS];
-    for (int a = 0; a < 3; a++) {
-        for (int j = 0; j < PATH_AND_MAP; j++) G[a][j] = member->P[OFFSET + a][j];
-        for (int j = PATH_AND_MAP; j < n; j++) G[a][j] = member->P[j][OFFSET + a];
-        for (int b = 0; b < 3; b++) P[a][b] = G[a][OFFSET + b];
-    }
-    damped(P, measurement, density, widest, less);
+/* Of the densities that L members abreast take for the path's. */
+static ALWAYS_INLINE void take_back_of(int L, int n, int bent, const Measurement *measurement, const double *density, double widest, double *restrict P) {
+    double of_offset[3][3], less[3][3], by[9 * ABREAST], G[3][ERRORS * ABREAST], MG[3][ERRORS * ABREAST];
     for (int a = 0; a < 3; a++)
-        for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    add_products(member, G, MG);
+        for (int j = 0; j < n; j++)
+            for (int m = 0; m < L; m++) G[a][j * L + m] = P[(j > OFFSET + a ? ROW(L, j, OFFSET + a) : ROW(L, OFFSET + a, j)) + m];
+    for (int m = 0; m < L; m++) {
+        for (int k = 0; k < 9; k++) of_offset[k / 3][k % 3] = G[k / 3][(OFFSET + k % 3) * L + m];
+        damped(of_offset, measurement, density[m], widest, less);
+        for (int k = 0; k < 9; k++) by[k * L + m] = less[k / 3][k % 3];
+    }
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < n; j++)
+            for (int m = 0; m < L; m++)
+                MG[a][j * L + m] = by[3 * a * L + m] * G[0][j * L + m] + by[(3 * a + 1) * L + m] * G[1][j * L + m] + by[(3 * a + 2) * L + m] * G[2][j * L + m];
+    add_products(L, n > MOTION, bent, (const double(*)[ERRORS * ABREAST])G, (const double(*)[ERRORS * ABREAST])MG, P);
 }
 
-static void take_back_of_member(Member *member, const Measurement *measurement, double density, double widest) {
-    if (member->errors > MOTION) take_back_of(ERRORS, member, measurement, density, widest);
-    else if (bends(member)) take_back_of(MOTION, member, measurement, density, widest);
-    else take_back_of(PATH_AND_MAP, member, measurement, density, widest);
+static ALWAYS_INLINE void take_back_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, const double *density, double widest, double *P) {
+    if (manoeuvred) take_back_of(L, ERRORS, bent, measurement, density, widest, P);
+    else if (bent) take_back_of(L, MOTION, 1, measurement, density, widest, P);
+    else take_back_of(L, PATH_AND_MAP, 0, measurement, density, widest, P);
+}
+
+WIDE static void take_back_of_member(Member *member, const Measurement *measurement, double density, double widest) {
+    take_back_abreast(1, member->errors > MOTION, bends(member), measurement, &density, widest, member->P[0]);
 }

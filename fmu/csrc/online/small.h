@@ -119,16 +119,6 @@ static void whitened(const double L[9], double e[3]) {
     }
 }
 
-/* The same of the columns of B (3, n), whose rows have `stride` numbers. */
-static void whiten_rows(const double L[9], int n, int stride, double *B) {
-    for (int k = 0; k < 3; k++) {
-        double *row = B + k * stride, inverse = 1.0 / L[4 * k];
-        for (int j = 0; j < k; j++)
-            for (int a = 0; a < n; a++) row[a] -= L[3 * k + j] * B[j * stride + a];
-        for (int a = 0; a < n; a++) row[a] *= inverse;
-    }
-}
-
 /* The mean square distance of points from their centroid. */
 static double mean_square(const double (*points)[3], int count) {
     double mean[3] = {0}, sum = 0.0;

@@ -52,6 +52,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "filter.c"
 #include "measurement.c"
 #include "seeming.c"
+#include "abreast.c"
 #include "jumps.c"
 #include "mixture.c"
 #include "stereo.c"

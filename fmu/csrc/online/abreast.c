@@ -1,0 +1,106 @@
+/* Members of the bank that take a node at once: each number of one stands beside the same of the others, so that compilers take them
+together. What is done to them is in member.c, curve.c and seeming.c. Places that are left are those of the first again, and nothing of them is kept. */
+
+typedef struct {
+    int count, at[ABREAST]; /* their places in the bank */
+    int manoeuvred, bent;   /* some of them have errors of thrusters, or bend */
+    double x[ERRORS * ABREAST], P[ERRORS * ERRORS * ABREAST];
+} Abreast;
+
+/* Of n errors: of each number all of them at once, as numbers that are put one by one are slow to read as one. */
+static ALWAYS_INLINE void unpack_abreast(int n, const PackedMember *const from[ABREAST], Abreast *members) {
+    const PackedMember *first = from[0], *second = from[1], *third = from[2], *last = from[3];
+    for (int a = 0, p = 0; a < n; a++) {
+        const double x[ABREAST] = {first->x[a], second->x[a], third->x[a], last->x[a]};
+        for (int m = 0; m < ABREAST; m++) members->x[a * ABREAST + m] = x[m];
+        for (int b = 0; b <= a; b++, p++) {
+            const double P[ABREAST] = {first->P[p], second->P[p], third->P[p], last->P[p]};
+            for (int m = 0; m < ABREAST; m++) members->P[ROW(ABREAST, a, b) + m] = P[m];
+            for (int m = 0; m < ABREAST; m++) members->P[ROW(ABREAST, b, a) + m] = P[m];
+        }
+    }
+}
+
+/* The members as they are kept. */
+static ALWAYS_INLINE void gather_members(const PackedMember *bank, Abreast *members) {
+    const PackedMember *from[ABREAST];
+    members->manoeuvred = members->bent = 0;
+    for (int m = 0; m < ABREAST; m++) {
+        from[m] = &bank[members->at[m < members->count ? m : 0]];
+        members->manoeuvred = members->manoeuvred || from[m]->errors > MOTION;
+        members->bent = members->bent || packed(from[m], PATH_AND_MAP, PATH_AND_MAP) != 0.0;
+    }
+    if (members->manoeuvred) unpack_abreast(ERRORS, from, members);
+    else if (members->bent) unpack_abreast(MOTION, from, members);
+    else unpack_abreast(PATH_AND_MAP, from, members);
+}
+
+/* To where they are kept, `to`; of n errors, others are zero. */
+static ALWAYS_INLINE void pack_abreast(int n, const Abreast *members, PackedMember *const to[ABREAST]) {
+    PackedMember *first = to[0], *second = to[1], *third = to[2], *last = to[3];
+    for (int a = 0, p = 0; a < n; a++) {
+        const double *x = members->x + a * ABREAST;
+        first->x[a] = x[0], second->x[a] = x[1], third->x[a] = x[2], last->x[a] = x[3];
+        for (int b = 0; b <= a; b++, p++) {
+            const double *P = members->P + ROW(ABREAST, a, b);
+            first->P[p] = P[0], second->P[p] = P[1], third->P[p] = P[2], last->P[p] = P[3];
+        }
+    }
+}
+
+/* Those of them that are kept, to the bank. */
+static ALWAYS_INLINE void keep_members(const Abreast *members, const int kept[ABREAST], PackedMember *bank) {
+    PackedMember none, *to[ABREAST];
+    for (int m = 0; m < ABREAST; m++) to[m] = kept[m] ? &bank[members->at[m]] : &none;
+    if (members->manoeuvred) pack_abreast(ERRORS, members, to);
+    else if (members->bent) pack_abreast(MOTION, members, to);
+    else pack_abreast(PATH_AND_MAP, members, to);
+}
+
+/* Members go on to a node, unless they have, by what has moved the path since the one before and its process noise. */
+static ALWAYS_INLINE void go_to_node_abreast(const OnlineOptions *options, const PackedMember *bank, const Measurement *measurement, Abreast *members) {
+    if (measurement->since) transit_abreast(ABREAST, members->manoeuvred, members->bent, measurement->since, members->x, members->P);
+    change_abreast(ABREAST, members->manoeuvred, members->bent, measurement, members->x, members->P);
+    for (int m = 0; m < members->count && measurement->since; m++) {
+        const PackedMember *member = &bank[members->at[m]];
+        add_noise_abreast(ABREAST, member->errors, noise_of(options, member->steady), measurement->since, &members->P[m]);
+    }
+}
+
+/* Members of a bank go on to a node, `there` 0, or have, and take it along a curve, or NULL; what it only seems to show is taken back. Of one that becomes less likely
+   than *least, only how likely; least: -INFINITY, and it is found by the first of them, or NULL. 0 where rounding has left a covariance indefinite. */
+WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, Abreast *members, int there, const Measurement *measurement, Curve curve,
+                             double widest, double *least) {
+    double e[3 * ABREAST], C[9 * ABREAST], B[3][ERRORS * ABREAST], change[OF_THRUST * ABREAST], density[ABREAST];
+    int kept[ABREAST], some = 0;
+    gather_members(bank, members);
+    const int manoeuvred = members->manoeuvred, bent = members->bent;
+    if (!there) go_to_node_abreast(options, bank, measurement, members);
+    innovate_abreast(ABREAST, manoeuvred, bent, measurement, members->x, members->P, e, C, B);
+    for (int m = 0; m < ABREAST; m++) {
+        PackedMember *member = &bank[members->at[m < members->count ? m : 0]];
+        double own[9], off[3];
+        for (int k = 0; k < 9; k++) own[k] = C[k * ABREAST + m];
+        for (int k = 0; k < 3; k++) off[k] = e[k * ABREAST + m];
+        density[m] = process_noise_of((int)member->steady).white;
+        kept[m] = 0;
+        if (!factored(3, own)) return 0;
+        const double more = log_likelihood(own, off);
+        for (int k = 0; k < 9; k++) C[k * ABREAST + m] = own[k];
+        for (int k = 0; k < 3; k++) e[k * ABREAST + m] = off[k];
+        if (m >= members->count) continue;
+        member->weight += more;
+        if (least && *least == -INFINITY) *least = member->weight + UNLIKELY;
+        kept[m] = !least || !(member->weight < *least);
+        if (kept[m]) note_innovation(off, &member->trend);
+        some = some || kept[m];
+    }
+    if (!some) return 1;
+    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] = -members->x[THRUST * ABREAST + k];
+    update_abreast(ABREAST, manoeuvred, bent, e, C, B, members->x, members->P);
+    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] += members->x[THRUST * ABREAST + k];
+    if (manoeuvred && curve) follow_curve(ABREAST, bent, curve, change, members->x, members->P);
+    take_back_abreast(ABREAST, manoeuvred, bent, measurement, density, widest, members->P);
+    keep_members(members, kept, bank);
+    return 1;
+}
