@@ -25,6 +25,7 @@ typedef struct {
 #define LEAST_OF_GRAVITY 0.5e-7
 #define MOST_OF_GRAVITY 2e-4
 #define GRAVITY_ODDS 0.6931471805599453
+#define SPAN_OF_BENDS 100.0 /* s, about as long as features are out of sight: white acceleration of 3/4 a2 T moves a path by as much in T as an acceleration a */
 
 /* White acceleration over T s, of a covariance whose rows are `stride` numbers apart, and of which those of a row are `apart`. */
 static void add_noise(double q, double T, double *P, int stride, int apart) {
@@ -163,6 +164,19 @@ static double offset_variance(const PackedMember *member) {
     return (packed(member, OFFSET, OFFSET) + packed(member, OFFSET + 1, OFFSET + 1) + packed(member, OFFSET + 2, OFFSET + 2)) / 3.0;
 }
 
+/* Whether a kind is that of a path that gravity bends where no orbit is told. */
+static int is_of_gravity(int kind) {
+    const double bend = process_noise_of(kind).bend;
+    return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY;
+}
+
+/* The white acceleration by which a path that is taken for straight is as uncertain as that of a member of gravity's: m2/s3. */
+static double straightened(const PackedMember *member) {
+    double square = 0.0;
+    for (int a = PATH_AND_MAP; a < MOTION; a++) square += member->x[a] * member->x[a] + packed(member, a, a);
+    return 0.75 * SPAN_OF_BENDS * square / 3.0;
+}
+
 static int is_bending(const PackedMember *member) { return process_noise_of((int)member->steady).bend > 0.0; }
 
 /* A member, `to`, goes on with a process noise from where another one is, which it may be: of an acceleration it knows what that one does, or nothing
@@ -203,7 +217,7 @@ static double first_weight(const Online *filter, int m) {
     double bend = process_noise_of(m).bend;
     if (m < DENSITIES) return density_odds(m);
     if (filter->options.on_orbit != 0.0) return m >= ON_ORBIT ? WANDER_ODDS : bend > 0.0 ? BENT_ODDS : 0.0;
-    return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
+    return is_of_gravity(m) ? GRAVITY_ODDS : 0.0;
 }
 
 /* The large filter as a member, at x: of the thrusters it knows what the bank said last. */

@@ -43,7 +43,7 @@ static int is_better_first(const Online *filter, const Frame *frame) {
 
 /* What holds whatever the map is: of the path, and of the noise it is known from. */
 typedef struct {
-    double x[6], P[6][6], weight[STEADY], density;
+    double x[6], P[6][6], weight[STEADY], density, allowed;
     Trend trend;
     double squares, freedom, sightings;
     double manoeuvred, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
@@ -62,7 +62,7 @@ static int known_path(const Online *filter, Path *path) {
     }
     for (int m = 0; m < STEADY; m++) highest = fmax(highest, filter->bank[m].weight);
     for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
-    path->density = filter->density;
+    path->density = filter->density, path->allowed = filter->allowed;
     path->squares = filter->squares, path->freedom = filter->freedom, path->sightings = filter->sightings;
     path->trend = (Trend){.sum = filter->trend.sum, .terms = filter->trend.terms}, path->manoeuvred = filter->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {
@@ -82,7 +82,7 @@ static void guess_path(Online *filter, const Frame *frame) {
         filter->P[VELOCITY + k][VELOCITY + k] = options->speed * options->speed;
     }
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = first_weight(filter, m);
-    filter->density = DENSITY[0];
+    filter->density = filter->allowed = DENSITY[0];
 }
 
 /* The path goes on. What of the offset is known comes from it: the first nodes need not be taken again. */
@@ -92,7 +92,7 @@ static void resume_path(Online *filter, const Path *path) {
         for (int j = 0; j < 6; j++) filter->P[POSITION + i][POSITION + j] = path->P[i][j];
     }
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
-    filter->density = path->density;
+    filter->density = path->density, filter->allowed = path->allowed;
     filter->squares = path->squares, filter->freedom = path->freedom, filter->sightings = path->sightings;
     filter->trend = path->trend, filter->manoeuvred = path->manoeuvred;
     for (int a = 0; a < OF_THRUST; a++) {

@@ -91,10 +91,12 @@ static void refresh(Online *filter, int begin, int end, double highest) {
     }
 }
 
-/* Weights against the best's, and the mean density of those whose path does not bend. One that has jumped and is far less likely
-   than the best ends. */
+/* Weights against the best's. One that has jumped and is far less likely than the best ends. And the mean density of those whose path does not bend, in the
+   logarithm, and by which the large filter goes: where no orbit is told also by what gravity's bends amount to, in the mean over all members: the large filter
+   takes the path for straight, and learns of a bend that it does not allow for an offset of the map. */
 static void weigh_members(Online *filter) {
-    double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0;
+    const int untold = filter->options.on_orbit == 0.0;
+    double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0, all = 0.0, bent = 0.0;
     for (int begin = 0, end; begin < count_of(filter); begin = end) refresh(filter, begin, end = end_of_kind(filter, begin), highest);
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
@@ -102,9 +104,12 @@ static void weigh_members(Online *filter) {
         if (!is_alive(member)) continue;
         member->weight -= highest;
         double w = exp(member->weight);
+        all += w;
+        if (untold && is_of_gravity((int)member->steady)) bent += w * straightened(member);
         if (!is_bending(member)) sum += w, mean += w * log(process_noise_of((int)member->steady).white);
     }
     filter->density = exp(mean / sum);
+    filter->allowed = filter->density + bent / all;
 }
 
 /* A node updates the members from `begin` to `end`, of a kind: the likeliest comes first, as what is far less likely than that goes on from the best

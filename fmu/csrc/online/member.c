@@ -88,7 +88,7 @@ static ProcessNoise noise_of(const OnlineOptions *options, double steady) {
 static void advance_large(const Online *filter, Member *large, const Transition *transition) {
     for (int k = THRUST; k < ERRORS; k++)
         for (int j = THRUST; j < ERRORS; j++) large->P[k][j] = 0.0;
-    advance_member(large, (ProcessNoise){.white = filter->density}, transition);
+    advance_member(large, (ProcessNoise){.white = filter->allowed}, transition);
     add_thrust(filter, transition, &large->P[0][0], ERRORS);
 }
 

@@ -254,6 +254,7 @@ typedef struct {
     double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */
     double span;    /* from the last node to the one before, s */
     double density; /* of white acceleration, m2/s3 */
+    double allowed; /* that by which the large filter goes: and what the path may bend by */
     double squares, freedom; /* of the residuals of frames, in units of the noise */
     double sightings; /* that these are of */
     double frames_per_error; /* how many frames have the same errors of the features, as far as it was allowed for */

@@ -79,7 +79,7 @@ static int take_again(Online *filter) {
     PackedMember before[MEMBERS];
     Jump jumps[JUMPS];
     const PackedMember known = filter->bank[likeliest(filter->bank)];
-    double wrong[STORED_NODES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
+    double wrong[STORED_NODES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density, allowed = filter->allowed;
     double variance = offset_variance(&known);
     int count = (int)filter->stored_count, sound = 1;
     if (count < 1 || !(variance < filter->again)) return 0;
@@ -107,6 +107,6 @@ static int take_again(Online *filter) {
     }
     for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];
     for (int j = 0; j < JUMPS; j++) filter->jump[j] = jumps[j];
-    filter->density = density;
+    filter->density = density, filter->allowed = allowed;
     return 0;
 }

@@ -42,7 +42,7 @@ WIDE static void take_back(Online *filter, const Measurement *measurement) {
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;
-    damped(P, measurement, filter->density, filter->widest, less);
+    damped(P, measurement, filter->allowed, filter->widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     for (int i = 0; i < n; i++)

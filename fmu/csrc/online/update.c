@@ -62,7 +62,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     take_back(filter, measurement);
     Member shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
-    take_back_of_member(&shadow, measurement, filter->density, filter->widest);
+    take_back_of_member(&shadow, measurement, filter->allowed, filter->widest);
     pack_member(&shadow, &filter->bank[SHADOW]);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += measurement->seems[i][j];

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 import oracles
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.models.orbit import Orbit
-from tops import POINTS, SIGMA, errors, run, straight, tracks
+from tops import POINTS, SIGMA, attitudes, errors, run, straight, tracks
 
 ALPHA = 1e-4  # of the chi-square bands
 DRAWS = 8
@@ -85,6 +85,34 @@ def test_an_acceleration_that_was_found_goes_on_changing():
         wrong += np.sum(errors([states[k] for k in tracking], path[tracking])[1] > chi2.ppf(0.999, 3))
     assert known > 0.8 * 16 * len(time)
     assert wrong < 0.01 * known
+
+
+def test_a_path_that_bends_leaves_the_map_of_a_target_that_shows_another_side_as_it_is():
+    """By 2e-5 m/s², as 40 m from a target in a low orbit that nobody tells, of features that are seen from one side.
+
+    The large filter took the path for straight until a bend had shown, and the bend for an offset of those features
+    that came into view: of these draws 47 % of the frames that track were wrong, now 0.7 %.
+    """
+    time = np.arange(0.0, 1000.0, 5.0)
+    points = np.concatenate([POINTS, -0.7 * POINTS])
+    wrong, known, nees = 0, 0, []
+    for draw in range(10):
+        rng = np.random.default_rng([54, draw])
+        axis = rng.standard_normal(3)
+        path = straight(time) * [1.0, 2.0, 1.0] + 1e-5 * time[:, None] ** 2 * axis / np.linalg.norm(axis)
+        seen = tracks(rng, time / 4.5, path, points, sigma=0.04)
+        arms = points @ np.swapaxes(attitudes(time / 4.5), 1, 2)
+        seen[np.einsum("nmi,ni->nm", arms, path) > 0.0] = np.nan
+        states = run(OnlineEstimator(0.04), time, seen)
+        tracking = [k for k, state in enumerate(states) if state.status is OnlineStatus.TRACKING]
+        every = errors(states, path)[1]
+        known += len(tracking)
+        wrong += np.sum(every[tracking] > chi2.ppf(0.999, 3))
+        nees.append(every[-1])
+        assert states[-1].status is OnlineStatus.TRACKING
+    assert known > 0.6 * 10 * len(time)
+    assert wrong < 0.015 * known
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * 10)
 
 
 def test_a_path_that_sways_is_followed_as_claimed():
