@@ -16,8 +16,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
+from scipy.linalg.blas import dsymm
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtri
 
+from baryscope.estimator.adjustment.bounded_minimum import bounded_minimum
 from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.paths.prior import Prior
 
@@ -33,8 +35,8 @@ BELOW = 10.0  # of the logarithm of an optional hyperparameter: its range withou
 TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its mass
 SCAN, SCAN_STEP = 16, 0.3  # values of a hyperparameter in the search for a start, at most, and how far apart at least
 SWEEPS = 2  # of it, where there are several
-MOST_ITERATIONS = 1000  # of the search for a minimum
-FEW_ITERATIONS = 6  # of them, where the next round goes on
+MOST_STEPS = 100  # of the search for a minimum
+DIFFERENCE = 1e-4  # of a hyperparameter, for the change of the derivatives of a law
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 
 
@@ -100,7 +102,7 @@ def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None 
 
 
 def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None) -> FloatArray:
-    """Hyperparameters (h,) that are likelier than θ (h,), after a few iterations: for rounds that others follow.
+    """The hyperparameters (h,) of the maximum near θ (h,): for rounds that others follow.
 
     An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans, where θ is
     None, or some of it NaN.
@@ -108,25 +110,14 @@ def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None)
     bounds = ranges(linear, prior)
     if theta is None or len(bounds) < 2 or np.isnan(theta).any():
         return maximise(linear, prior, theta)
-    return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]), FEW_ITERATIONS)[0]
+    return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]))[0]
 
 
 def _minimised(
-    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_ITERATIONS
+    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
     """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
-    from scipy.optimize import minimize  # slow to load, and few commands need it
-
-    values: list[float] = []
-
-    def excess(at: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = objective(linear, prior, at)
-        values.append(value)
-        return value - values[0], gradient  # small numbers, so that a relative tolerance means what it says
-
-    options = {"ftol": 1e-6, "gtol": 1e-2, "maxiter": most}
-    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return np.asarray(found.x), values[0] + float(found.fun)
+    return bounded_minimum(lambda at: curvature(linear, prior, at), start, bounds, MOST_STEPS)
 
 
 def _spared(
@@ -292,16 +283,36 @@ def conditional(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> 
     return mean, covariance
 
 
-def objective(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
-    """−2 ln p up to a constant, and its gradient (h,)."""
+def curvature(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """−2 ln p up to a constant, its gradient (h,) and Hessian (h, h).
+
+    With M and m in units of the prior's deviations, D the derivatives of ln v, w = M_ii + m² and W = M∘(M + 2 m mᵀ),
+    the gradient is Dᵀ(1 − w), and the Hessian Dᵀ (diag w − W) D and what the change of D itself makes of the gradient,
+    which is differenced.
+    """
     precision, moved = held(linear, prior, theta)
     found = _minimum(linear, prior, precision)
-    own, p = moved[found.loose], precision[moved]
-    inverse, _ = dtrtri(found.factor, lower=True)
-    variance = np.einsum("ki,ki->i", inverse, inverse)[own]
-    penalty, its_gradient = prior.penalty(theta)
-    gradient = (1 - p * (variance + found.mean[own] ** 2)) @ prior.derivatives(theta)[moved] + its_gradient
-    return found.value + float(penalty), np.asarray(gradient)
+    own = moved[found.loose]
+    root = np.where(own, np.sqrt(precision[found.loose]), 0.0)
+    inverse, _ = dpotri(found.factor, lower=True)  # its lower triangle, as of what is made of it
+    m, M = root * found.mean, inverse * np.outer(root, root)
+    w = (M.diagonal() + m * m)[own]
+    D = prior.derivatives(theta)[moved]
+    placed = np.zeros((len(own), len(theta)), order="F")
+    placed[own] = D
+    turned = dsymm(1.0, M * (M + 2 * np.outer(m, m)), placed, lower=True)
+    hessian = D.T @ (w[:, None] * D) - placed.T @ turned
+
+    def gradient(at: FloatArray, derivatives: FloatArray) -> FloatArray:
+        return np.asarray((1 - w) @ derivatives + prior.penalty(at)[1])
+
+    there = gradient(theta, D)
+    for index in range(len(theta)):
+        away = theta.copy()
+        away[index] += DIFFERENCE
+        changed = prior.derivatives(away)[moved] if prior.bends(index) else D
+        hessian[index] += (gradient(away, changed) - there) / DIFFERENCE
+    return found.value + float(prior.penalty(theta)[0]), there, (hessian + hessian.T) / 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ from baryscope.estimator.adjustment.evidence import (
     GaussianLikelihood,
     conditional,
     cost,
+    curvature,
     held,
     likeliest_without,
-    objective,
     ranges,
 )
 from baryscope.estimator.paths.prior import Prior
@@ -28,7 +28,6 @@ MOST_STEPS = 60  # of it, either way
 LATTICE_STEP = 1.2  # standard deviations, in the integration over several hyperparameters
 MOST_POINTS = 1500  # of that lattice
 EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
-DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
 MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
 LEAST_EFFECT = 1.0  # prior variance times information, from which an optional hyperparameter is not as good as none
 CLAIMED = 0.8  # probability that an optional hyperparameter is no greater than that of the claimed covariance
@@ -137,10 +136,8 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
 
 def _step(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, index: int) -> float:
     """The step of the integration over one hyperparameter: few where the observations tell it well."""
-    away = DIFFERENCE * np.eye(len(theta))[index]
-    after, before = (objective(linear, prior, at)[1][index] for at in (theta + away, theta - away))
-    curvature = float(after - before) / (4 * DIFFERENCE)  # of −ln p
-    return min(GRID_STEP, MOST_DEVIATIONS / np.sqrt(curvature)) if curvature > 0 else GRID_STEP
+    curved = float(curvature(linear, prior, theta)[2][index, index]) / 2  # of −ln p
+    return min(GRID_STEP, MOST_DEVIATIONS / np.sqrt(curved)) if curved > 0 else GRID_STEP
 
 
 def _principal_steps(
@@ -153,12 +150,7 @@ def _principal_steps(
     width = np.ptp(bounds, axis=1)
     at_bound = (theta <= bounds[:, 0] + EDGE) | (theta >= bounds[:, 1] - EDGE)
     within, ranging, axes = np.flatnonzero(joint & ~at_bound), joint & at_bound & (width > 0), np.eye(len(theta))
-    hessian = np.empty((len(within), len(within)))
-    for row, index in enumerate(within):
-        away = DIFFERENCE * axes[index]
-        after, before = (objective(linear, prior, at)[1][within] for at in (theta + away, theta - away))
-        hessian[row] = (after - before) / (2 * DIFFERENCE)
-    values, vectors = np.linalg.eigh((hessian + hessian.T) / 4)
+    values, vectors = np.linalg.eigh(curvature(linear, prior, theta)[2][np.ix_(within, within)] / 2)
     values = np.clip(values, MOST_DEVIATION**-2, None)
     steps = np.zeros((len(within), len(theta)))
     steps[:, within] = LATTICE_STEP * (vectors / np.sqrt(values)).T

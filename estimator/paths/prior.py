@@ -146,6 +146,10 @@ class Prior:
             found[self._trending, index] += own[:, parameter]
         return found
 
+    def bends(self, index: int) -> bool:
+        """Whether the derivatives depend on a hyperparameter, by its index: the law is not linear in it."""
+        return self.trend is not None and any(one == index for _, one in self.trend.free)
+
     def _law(self, trend: Trend, theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
         """What the trend adds to the logarithms of the variances (k,) that have one, and what finds the derivatives
         (n, a) of the n different ones.

@@ -8,10 +8,10 @@ from baryscope.estimator.adjustment.evidence import (
     GaussianLikelihood,
     complexity,
     cost,
+    curvature,
     held,
     improved,
     maximise,
-    objective,
     ranges,
 )
 from baryscope.estimator.paths.path import SmoothPath
@@ -29,7 +29,7 @@ def test_the_objective_is_the_density_of_the_observations():
         variances = np.concatenate([np.full(2, wide), np.exp(PRIOR.offset[2:] + theta)])
         density = multivariate_normal(np.zeros(60), np.eye(60) + (H * variances) @ H.T)
         expected.append(-2 * density.logpdf(y))
-        found.append(objective(linear, PRIOR, np.array([theta]))[0])
+        found.append(curvature(linear, PRIOR, np.array([theta]))[0])
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
 
 
@@ -44,7 +44,7 @@ def test_unknowns_that_the_prior_fixes_are_zero(theta):
     for at in (np.zeros(2), np.array(theta)):
         variances = np.concatenate([np.full(2, wide), np.exp(two.offset[2:] + two.slopes[2:] @ at)])
         expected.append(-2 * multivariate_normal(np.zeros(60), np.eye(60) + (H * variances) @ H.T).logpdf(y))
-        value, gradient = objective(linear, two, at)
+        value, gradient, _ = curvature(linear, two, at)
         found.append(value)
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
     np.testing.assert_array_equal(gradient[np.less(theta, -30)], 0.0)
@@ -63,11 +63,22 @@ def test_the_complexity_of_unknowns_that_the_prior_fixes_away_from_zero():
     assert complexity(linear, prior) == pytest.approx(expected, rel=1e-5)
 
 
-def test_the_gradient_is_that_of_the_objective():
-    H, _, y = observed(1, 2.0)
-    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
-    ends = [objective(linear, PRIOR, np.array([0.3 + step]))[0] for step in (-1e-5, 1e-5)]
-    assert objective(linear, PRIOR, np.array([0.3]))[1][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6)
+@pytest.mark.parametrize("law", ["log-linear", "smooth"])
+def test_gradient_and_hessian_are_those_of_the_density(law):
+    """Of a prior with one scale, and of a smooth path's, whose law is not linear, with noise that is hardly great."""
+    prior, theta = PRIOR, np.array([0.3])
+    if law == "smooth":
+        noise = Prior(np.zeros(3), np.ones((3, 1)), (Hyperparameter("noise", typical=0.5),))
+        prior, theta = SmoothPath(3, 0.0, 1.0).prior.joined(noise), np.array([0.4, -0.3, 0.8, -0.6])
+    size = len(prior.offset)
+    rng = np.random.default_rng(1)
+    H, y = rng.standard_normal((60, size)), rng.standard_normal(60)
+    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(size))
+    _, gradient, hessian = curvature(linear, prior, theta)
+    for k, away in enumerate(1e-5 * np.eye(len(theta))):
+        above, below = (curvature(linear, prior, at) for at in (theta + away, theta - away))
+        assert gradient[k] == pytest.approx((above[0] - below[0]) / 2e-5, rel=1e-6, abs=1e-7)
+        np.testing.assert_allclose(hessian[k], (above[1] - below[1]) / 2e-5, rtol=1e-3, atol=1e-4)
 
 
 def test_a_fixed_hyperparameter_is_none():
