@@ -24,7 +24,7 @@ LAYERS = [
     ["estimator.tracks", "estimator.online"],
     ["estimator.registration", "estimator.plausibility", "estimator.formats", "estimator.images"],
     ["estimator.details", "estimator.paths"],
-    ["estimator.dynamics"],
+    ["estimator.dynamics", "estimator.hyperparameters"],
     ["estimator.turning"],
     ["estimator.prediction"],
     ["estimator.findings", "estimator.distances"],

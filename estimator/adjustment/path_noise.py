@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import DENSITY, noise_in

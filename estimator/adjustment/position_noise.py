@@ -16,8 +16,8 @@ from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.hyperparameters.scan import scanned_minimum
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, maximise
-from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.ekf.linearised import INERTIA
 from baryscope.estimator.ekf.solution import Parameters, Prior
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, conditional, cost, maximise
+from baryscope.estimator.hyperparameters.integration import posterior
 from baryscope.estimator.paths.prior import Prior as PathPrior
 from baryscope.estimator.tracks import FloatArray
 

@@ -16,7 +16,6 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
-from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.spurious import SpuriousInformation, farthest, spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
@@ -25,6 +24,7 @@ from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, DisagreeingClusters, ExcessResiduals, Finding
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
+from baryscope.estimator.hyperparameters.evidence import conditional, held
 from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.iteration import ROUNDING, turned_by
 from baryscope.estimator.ml.jacobians import Jacobians

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom_of_points
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, held, maximise, ranges
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, conditional, held, maximise, ranges
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME
 from baryscope.estimator.ml.jacobians import Knots, worthwhile
 from baryscope.estimator.ml.likelihood import Equations, equations

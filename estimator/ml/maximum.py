@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom_of_points, least_variance
-from baryscope.estimator.adjustment.evidence import conditional
-from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
+from baryscope.estimator.hyperparameters.evidence import conditional
+from baryscope.estimator.hyperparameters.integration import Posterior, posterior
 from baryscope.estimator.ml.initial_tumble import Tumble
 from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, iterated
 from baryscope.estimator.ml.jacobians import PHASE

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Hyperparameter, Prior

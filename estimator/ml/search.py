@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from baryscope.estimator.adjustment import evidence
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
+from baryscope.estimator.hyperparameters import evidence
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumbles
 from baryscope.estimator.ml.iteration import ROUNDING, STAGE
 from baryscope.estimator.ml.maximum import MaximumAPosteriori, maximised

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, cost
 from baryscope.estimator.orbits.elements import LocalElements, places_on_orbit
 from baryscope.estimator.paths.path import SmoothPath
 from baryscope.estimator.paths.relative_motion import RelativeOrbit

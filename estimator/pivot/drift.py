@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import RIDGE, GaussianLikelihood, conditional, improved
 from baryscope.estimator.adjustment.normal_equations import normal_blocks, turn_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.hyperparameters.evidence import RIDGE, GaussianLikelihood, conditional, improved
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.offset_prior import a_priori_information

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import departures_of
-from baryscope.estimator.adjustment.evidence import solved
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
-from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.findings import Finding
+from baryscope.estimator.hyperparameters.evidence import solved
+from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.paths.seen_path import as_seen

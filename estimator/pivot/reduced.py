@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, complexity, held, solved
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, complexity, held, solved
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squares_of_used
 from baryscope.estimator.registration.noise import GATE

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
-from baryscope.estimator.adjustment.evidence import held, improved
-from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import LastingAndShared
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
+from baryscope.estimator.hyperparameters.evidence import held, improved
+from baryscope.estimator.hyperparameters.integration import posterior
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.process_noise import enriched

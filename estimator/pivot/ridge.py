@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import held
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import RANK
@@ -27,6 +26,7 @@ from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsample
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of
+from baryscope.estimator.hyperparameters.evidence import held
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
-from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MANY, REJECTED, Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
+from baryscope.estimator.hyperparameters.evidence import held, improved
 from baryscope.estimator.paths.path import DECAY, FIRST, FREQUENCY, OVERTONES
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import DENSITY

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrs
 
-from baryscope.estimator.adjustment.evidence import (
+from baryscope.estimator.hyperparameters.evidence import (
     GaussianLikelihood,
     cholesky,
     conditional,

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import RIDGE, solved
+from baryscope.estimator.hyperparameters.evidence import RIDGE, solved
 from baryscope.estimator.paths.burns import UNKNOWNS, Burn
 from baryscope.estimator.pivot.burns.equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit
 

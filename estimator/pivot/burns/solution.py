@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.findings import UnknownBurn
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
 from baryscope.estimator.paths.path import Path

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
 from baryscope.estimator.findings import UntoldAccuracy
+from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import (
     ORBIT_ERROR,

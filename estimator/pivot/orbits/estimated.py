@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import maximise
+from baryscope.estimator.hyperparameters.evidence import maximise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.estimated import estimated_orbit_in, on_estimated_orbit

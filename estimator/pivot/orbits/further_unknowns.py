@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.adjustment.frame_shifts import shifts_in
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.pivot_solution import PivotSolution

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import oblateness_in, perhaps_oblate, perhaps_oblate_in
 from baryscope.estimator.paths.extended_path import based_on

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import (
+from baryscope.estimator.hyperparameters.evidence import (
     GaussianLikelihood,
     conditional,
     cost,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import departures_of
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood
 from baryscope.estimator.paths.path import SmoothPath
 from baryscope.estimator.pivot.drift import drift_equations
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many

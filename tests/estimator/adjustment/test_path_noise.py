@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.path_noise import process_noise_of
+from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from baryscope.estimator.paths.relative_motion import RelativeOrbit

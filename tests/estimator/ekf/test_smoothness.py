@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, maximise
-from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, conditional, cost, maximise
+from baryscope.estimator.hyperparameters.integration import posterior
 from baryscope.estimator.paths.path import SmoothPath
 from baryscope.estimator.paths.prior import Prior as PathPrior
 

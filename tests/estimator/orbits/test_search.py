@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.linalg import solve_triangular
 
-from baryscope.estimator.adjustment.evidence import GaussianLikelihood, maximise
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, maximise
 from baryscope.estimator.orbits.search import likeliest_orbit
 from baryscope.estimator.paths.path import SmoothPath
 from baryscope.models.ephemeris.trajectory import target_states

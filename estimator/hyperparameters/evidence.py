@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dsymm
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtri
 
-from baryscope.estimator.adjustment.bounded_minimum import bounded_minimum
-from baryscope.estimator.adjustment.scan import scanned_minimum
+from baryscope.estimator.hyperparameters.bounded_minimum import bounded_minimum
+from baryscope.estimator.hyperparameters.scan import scanned_minimum
 from baryscope.estimator.paths.prior import Prior
 
 FloatArray = NDArray[np.float64]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment import integration
-from baryscope.estimator.adjustment.evidence import (
+from baryscope.estimator.hyperparameters import integration
+from baryscope.estimator.hyperparameters.evidence import (
     BELOW,
     NO_EFFECT,
     GaussianLikelihood,
@@ -15,7 +15,7 @@ from baryscope.estimator.adjustment.evidence import (
     maximise,
     ranges,
 )
-from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
+from baryscope.estimator.hyperparameters.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
 from baryscope.estimator.paths.path import LONGEST, SmoothPath
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from scaled_unknowns import PRIOR, observed

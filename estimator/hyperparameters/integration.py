@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import (
+from baryscope.estimator.hyperparameters.evidence import (
     BELOW,
     NO_EFFECT,
     GaussianLikelihood,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import (
+from baryscope.estimator.hyperparameters.evidence import (
     GaussianLikelihood,
     complexity,
     cost,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, rosen, rosen_der, rosen_hess
 
-from baryscope.estimator.adjustment.bounded_minimum import bounded_minimum
+from baryscope.estimator.hyperparameters.bounded_minimum import bounded_minimum
 
 WIDE = np.array([[-1e3, 1e3], [-1e3, 1e3]])
 
