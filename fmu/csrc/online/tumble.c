@@ -225,8 +225,8 @@ WIDE static void sum_up(Tumble *tumble, int count) {
 }
 
 /* The filters of a reference take the attitudes that are kept, from the first on, and the last one; rate and inertia are known no
-   better than before them. 0 if that is too far. */
-static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
+   better than before them. Returns the mean square of the likeliest's innovations, in units of their covariance; INFINITY if that is too far. */
+static double take_kept(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
     ReferenceTumble *reference = &tumble->reference[c];
     const Attitude *first = &tumble->attitude[0];
     double square = dot(reference->spin.w, reference->spin.w), off[3], predicted[3][3];
@@ -243,23 +243,25 @@ static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const 
         error.weight = 0.5 * log(TORQUE[m]);
         put_error(&error, m, &reference->errors);
     }
-    double begin = first->time;
-    for (int k = 1; begin < last->time; k++) {
+    double begin = first->time, squares = 0.0, count = 0.0;
+    for (int k = 1; begin < last->time && squares < INFINITY; k++) {
         const Attitude *next = k < (int)tumble->kept ? &tumble->attitude[k] : last;
-        if (!(follow_reference(reference, options, begin, next->time - begin, next->R, next->noise) < INFINITY)) return 0;
-        begin = next->time;
+        squares += follow_reference(reference, options, begin, next->time - begin, next->R, next->noise);
+        begin = next->time, count += 1.0;
     }
-    return 1;
+    return squares / (3.0 * count);
 }
 
-/* Begin with a reference: by least squares, which the filters make better as they go to and fro. */
-static int start_reference(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
+/* Begin with a reference: by least squares, which the filters make better as they go to and fro. Returns the mean square of the innovations of the attitudes
+   that are kept: where their noise is much of what the target turns from one node to the next, filters may come to rest anywhere. 0 if it is not known well
+   enough yet. */
+static double start_reference(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
     ReferenceTumble *reference = &tumble->reference[c];
-    if (!first_spin(reference, tumble->attitude[0].R)) return 0;
+    if (!first_spin(reference, tumble->attitude[0].R)) return 0.0;
     for (int round = 0; round < TO_AND_FRO; round++) {
         Spin before = reference->spin;
         double F[6][SPIN], Q[6][6], J[3][3], back = tumble->attitude[0].time - last->time;
-        if (!take_kept(tumble, c, options, last)) return 0;
+        if (!(take_kept(tumble, c, options, last) < INFINITY)) return INFINITY;
         centre_reference(reference);
         inertia_of(reference->spin.j, J);
         if (!possible(J) || !spin_on(options, &reference->spin, last->time, back, F, Q)) {
@@ -267,19 +269,24 @@ static int start_reference(Tumble *tumble, int c, const OnlineOptions *options, 
             break;
         }
     }
-    if (!take_kept(tumble, c, options, last)) return 0;
+    const double misfit = take_kept(tumble, c, options, last);
     refuse_impossible(reference);
-    return 1;
+    return misfit;
 }
 
 static void start_filters(Tumble *tumble, const OnlineOptions *options, const Attitude *last) {
-    int count = reference_count(options), begun = 0, fails[REFERENCES] = {0};
+    int count = reference_count(options), begun = 0, misfits = 0, fails[REFERENCES] = {0};
     if (tumble->turned < WHOLE_TURN || tumble->pairs < FEWEST_PAIRS) return;
     for (int c = 0; c < count; c++) {
-        fails[c] = !start_reference(tumble, c, options, last);
+        const double misfit = start_reference(tumble, c, options, last);
+        fails[c] = !(misfit > 0.0 && misfit < MISFIT);
+        misfits += !(misfit < MISFIT);
         begun += !fails[c];
     }
-    if (begun == 0) return;
+    if (begun == 0) {
+        if (misfits > 0) forget_tumble(tumble);
+        return;
+    }
     for (int c = 0; c < count; c++)
         for (int m = 0; m < TORQUES; m++)
             if (fails[c]) tumble->reference[c].errors.weight[m] = -INFINITY;
