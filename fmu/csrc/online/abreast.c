@@ -3,17 +3,22 @@ together. What is done to them is in member.c, curve.c and seeming.c. Places tha
 
 typedef struct {
     int count, at[ABREAST]; /* their places in the bank */
+    double *least[ABREAST]; /* of each, how likely it has to become to be kept; -INFINITY, and it is found by the first of them; or NULL */
     int manoeuvred, bent;   /* some of them have errors of thrusters, or bend */
     double x[ERRORS * ABREAST], P[ERRORS * ERRORS * ABREAST];
 } Abreast;
 
+/* Where one of n errors of members abreast is kept: before those of thrusters there is an acceleration, be it zero. */
+static ALWAYS_INLINE int kept_at(int n, int a) { return n == UNBENT && a >= PATH_AND_MAP ? a + MOTION - PATH_AND_MAP : a; }
+
 /* Of n errors: of each number all of them at once, as numbers that are put one by one are slow to read as one. */
 static ALWAYS_INLINE void unpack_abreast(int n, const PackedMember *const from[ABREAST], Abreast *members) {
     const PackedMember *first = from[0], *second = from[1], *third = from[2], *last = from[3];
-    for (int a = 0, p = 0; a < n; a++) {
-        const double x[ABREAST] = {first->x[a], second->x[a], third->x[a], last->x[a]};
+    for (int a = 0; a < n; a++) {
+        const int row = kept_at(n, a);
+        const double x[ABREAST] = {first->x[row], second->x[row], third->x[row], last->x[row]};
         for (int m = 0; m < ABREAST; m++) members->x[a * ABREAST + m] = x[m];
-        for (int b = 0; b <= a; b++, p++) {
+        for (int b = 0, p = packed_index(row, 0); b <= a; b++, p += kept_at(n, b) - kept_at(n, b - 1)) {
             const double P[ABREAST] = {first->P[p], second->P[p], third->P[p], last->P[p]};
             for (int m = 0; m < ABREAST; m++) members->P[ROW(ABREAST, a, b) + m] = P[m];
             for (int m = 0; m < ABREAST; m++) members->P[ROW(ABREAST, b, a) + m] = P[m];
@@ -30,7 +35,8 @@ static ALWAYS_INLINE void gather_members(const PackedMember *bank, Abreast *memb
         members->manoeuvred = members->manoeuvred || from[m]->errors > MOTION;
         members->bent = members->bent || packed(from[m], PATH_AND_MAP, PATH_AND_MAP) != 0.0;
     }
-    if (members->manoeuvred) unpack_abreast(ERRORS, from, members);
+    if (members->manoeuvred && members->bent) unpack_abreast(ERRORS, from, members);
+    else if (members->manoeuvred) unpack_abreast(UNBENT, from, members);
     else if (members->bent) unpack_abreast(MOTION, from, members);
     else unpack_abreast(PATH_AND_MAP, from, members);
 }
@@ -38,10 +44,11 @@ static ALWAYS_INLINE void gather_members(const PackedMember *bank, Abreast *memb
 /* To where they are kept, `to`; of n errors, others are zero. */
 static ALWAYS_INLINE void pack_abreast(int n, const Abreast *members, PackedMember *const to[ABREAST]) {
     PackedMember *first = to[0], *second = to[1], *third = to[2], *last = to[3];
-    for (int a = 0, p = 0; a < n; a++) {
+    for (int a = 0; a < n; a++) {
+        const int row = kept_at(n, a);
         const double *x = members->x + a * ABREAST;
-        first->x[a] = x[0], second->x[a] = x[1], third->x[a] = x[2], last->x[a] = x[3];
-        for (int b = 0; b <= a; b++, p++) {
+        first->x[row] = x[0], second->x[row] = x[1], third->x[row] = x[2], last->x[row] = x[3];
+        for (int b = 0, p = packed_index(row, 0); b <= a; b++, p += kept_at(n, b) - kept_at(n, b - 1)) {
             const double *P = members->P + ROW(ABREAST, a, b);
             first->P[p] = P[0], second->P[p] = P[1], third->P[p] = P[2], last->P[p] = P[3];
         }
@@ -52,7 +59,8 @@ static ALWAYS_INLINE void pack_abreast(int n, const Abreast *members, PackedMemb
 static ALWAYS_INLINE void keep_members(const Abreast *members, const int kept[ABREAST], PackedMember *bank) {
     PackedMember none, *to[ABREAST];
     for (int m = 0; m < ABREAST; m++) to[m] = kept[m] ? &bank[members->at[m]] : &none;
-    if (members->manoeuvred) pack_abreast(ERRORS, members, to);
+    if (members->manoeuvred && members->bent) pack_abreast(ERRORS, members, to);
+    else if (members->manoeuvred) pack_abreast(UNBENT, members, to);
     else if (members->bent) pack_abreast(MOTION, members, to);
     else pack_abreast(PATH_AND_MAP, members, to);
 }
@@ -60,21 +68,23 @@ static ALWAYS_INLINE void keep_members(const Abreast *members, const int kept[AB
 /* Members go on to a node, unless they have, by what has moved the path since the one before and its process noise. */
 static ALWAYS_INLINE void go_to_node_abreast(const OnlineOptions *options, const PackedMember *bank, const Measurement *measurement, Abreast *members) {
     if (measurement->since) transit_abreast(ABREAST, members->manoeuvred, members->bent, measurement->since, members->x, members->P);
+    const int thrust = members->bent ? THRUST : UNBENT - OF_THRUST;
     change_abreast(ABREAST, members->manoeuvred, members->bent, measurement, members->x, members->P);
     for (int m = 0; m < members->count && measurement->since; m++) {
         const PackedMember *member = &bank[members->at[m]];
-        add_noise_abreast(ABREAST, member->errors, noise_of(options, member->steady), measurement->since, &members->P[m]);
+        add_noise_abreast(ABREAST, member->errors > MOTION ? thrust : 0, noise_of(options, member->steady), measurement->since, &members->P[m]);
     }
 }
 
 /* Members of a bank go on to a node, `there` 0, or have, and take it along a curve, or NULL; what it only seems to show is taken back. Of one that becomes less likely
-   than *least, only how likely; least: -INFINITY, and it is found by the first of them, or NULL. 0 where rounding has left a covariance indefinite. */
+   than its *least, only how likely. 0 where rounding has left a covariance indefinite. */
 WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, Abreast *members, int there, const Measurement *measurement, Curve curve,
-                             double widest, double *least) {
+                             double widest) {
     double e[3 * ABREAST], C[9 * ABREAST], B[3][ERRORS * ABREAST], change[OF_THRUST * ABREAST], density[ABREAST];
     int kept[ABREAST], some = 0;
     gather_members(bank, members);
     const int manoeuvred = members->manoeuvred, bent = members->bent;
+    const double *of_thrust = members->x + (bent ? THRUST : UNBENT - OF_THRUST) * ABREAST;
     if (!there) go_to_node_abreast(options, bank, measurement, members);
     innovate_abreast(ABREAST, manoeuvred, bent, measurement, members->x, members->P, e, C, B);
     for (int m = 0; m < ABREAST; m++) {
@@ -90,15 +100,16 @@ WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, A
         for (int k = 0; k < 3; k++) e[k * ABREAST + m] = off[k];
         if (m >= members->count) continue;
         member->weight += more;
+        double *least = members->least[m];
         if (least && *least == -INFINITY) *least = member->weight + UNLIKELY;
         kept[m] = !least || !(member->weight < *least);
         if (kept[m]) note_innovation(off, &member->trend);
         some = some || kept[m];
     }
     if (!some) return 1;
-    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] = -members->x[THRUST * ABREAST + k];
+    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] = -of_thrust[k];
     update_abreast(ABREAST, manoeuvred, bent, e, C, B, members->x, members->P);
-    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] += members->x[THRUST * ABREAST + k];
+    for (int k = 0; k < OF_THRUST * ABREAST && manoeuvred; k++) change[k] += of_thrust[k];
     if (manoeuvred && curve) follow_curve(ABREAST, bent, curve, change, members->x, members->P);
     take_back_abreast(ABREAST, manoeuvred, bent, measurement, density, widest, members->P);
     keep_members(members, kept, bank);

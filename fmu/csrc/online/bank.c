@@ -73,6 +73,9 @@ static int kind_of(const Online *filter, int m) {
 
 static int member_of(const Online *filter, int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
 
+/* How many errors members abreast have that have those of thrusters but whose paths do not bend: no acceleration is before these, which are the last ones. */
+enum { UNBENT = ERRORS - (MOTION - PATH_AND_MAP) };
+
 #define ROW(L, a, b) (((a) * ERRORS + (b)) * (L)) /* where a covariance of the first of L members abreast is (member.c) */
 
 /* Errors of pushes of a variance, as a part of these, in every direction alike; of one of L members abreast. */

@@ -35,7 +35,9 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
 
 /* What L members abreast know of the thrusters has changed: they go along the curve. */
 static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const double *restrict change, double *restrict x, double *restrict P) {
-    double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], *of_thrust = P + ROW(L, THRUST, 0);
+    double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], *of_thrust;
+    const int thrust = bent ? THRUST : UNBENT - OF_THRUST;
+    of_thrust = P + ROW(L, thrust, 0);
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int m = 0; m < L; m++) {
             double slope[OF_THRUST] = {0.0};
@@ -53,7 +55,7 @@ static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const doubl
         for (int b = 0; b < PATH_AND_MAP; b++)
             for (int m = 0; m < L; m++) {
                 double sum = before[k][b * L + m] = of_thrust[ROW(L, k, b) + m];
-                for (int i = 0; i < OF_THRUST; i++) sum += of_thrust[ROW(L, k > i ? k : i, THRUST + (k > i ? i : k)) + m] * slopes[i][b * L + m];
+                for (int i = 0; i < OF_THRUST; i++) sum += of_thrust[ROW(L, k > i ? k : i, thrust + (k > i ? i : k)) + m] * slopes[i][b * L + m];
                 of_thrust[ROW(L, k, b) + m] = sum;
             }
     for (int a = 0; a < PATH_AND_MAP; a++)

@@ -112,35 +112,36 @@ static void weigh_members(Online *filter) {
     filter->allowed = filter->density + bent / all;
 }
 
-/* A node updates the members from `begin` to `end`, of a kind: the likeliest comes first, as what is far less likely than that goes on from the best
-   one anyway, and of such a member only how likely it is counts. `fresh` jumps there. 0 where rounding has left a covariance indefinite. */
-static int update_kind(Online *filter, int begin, int end, int fresh, const Measurement *measurement, Curve curve) {
-    PackedMember *bank = filter->bank;
-    const int first = likeliest_of(bank, begin, end), jumps = begin >= count_of(filter);
-    double least = -INFINITY;
-    int sound = 1;
-    Abreast members;
-    members.count = 0;
-    for (int k = begin - 1; k <= end; k++) {
-        const int m = k < begin ? first : k, is_end = k == end;
-        if (members.count == ABREAST || (members.count > 0 && (is_end || m == fresh || members.at[0] == fresh))) {
-            sound = take_abreast(&filter->options, bank, &members, members.at[0] == fresh, measurement, curve, filter->widest, jumps ? NULL : &least) && sound;
-            members.count = 0;
-        }
-        if (!is_end && k != first && is_alive(&bank[m])) members.at[members.count++] = m;
-    }
+/* A node updates those members abreast that there are; `fresh` has jumped there. 0 where rounding has left a covariance indefinite. */
+static int take_those(Online *filter, Abreast *members, int fresh, const Measurement *measurement, Curve curve) {
+    if (members->count == 0) return 1;
+    const int sound = take_abreast(&filter->options, filter->bank, members, members->at[0] == fresh, measurement, curve, filter->widest);
+    members->count = 0;
     return sound;
 }
 
-/* A node updates all members but the shadow; likely: the likeliest, which has seen the change. Returns the one that jumps there, or -1;
+/* A node updates all members but the shadow; likely: the likeliest, which has seen the change. The likeliest of each kind comes first, as what is far less
+   likely than that goes on from the best one anyway, and of such a member only how likely it is counts. Returns the one that jumps there, or -1;
    0 in *sound where rounding has left a covariance indefinite. */
 static int update_members(Online *filter, const Member *likely, const Measurement *measurement, Curve curve, double *jump, int *sound) {
     const int fresh = jumped(filter, likely, measurement, jump);
-    *sound = 1;
+    double least[MEMBERS];
+    Abreast members;
+    members.count = 0, *sound = 1;
     for (int begin = 0, end; begin < MEMBERS; begin = end) {
         end = end_of_kind(filter, begin);
-        *sound = update_kind(filter, begin, end, fresh, measurement, curve) && *sound;
+        const int first = likeliest_of(filter->bank, begin, end), jumps = begin >= count_of(filter);
+        least[begin] = -INFINITY;
+        for (int k = begin - 1; k < end; k++) {
+            const int m = k < begin ? first : k;
+            if (k == first || !is_alive(&filter->bank[m])) continue;
+            if (members.count == ABREAST || m == fresh || (members.count > 0 && members.at[0] == fresh))
+                *sound = take_those(filter, &members, fresh, measurement, curve) && *sound;
+            members.least[members.count] = jumps ? NULL : &least[begin];
+            members.at[members.count++] = m;
+        }
     }
+    *sound = take_those(filter, &members, fresh, measurement, curve) && *sound;
     return fresh;
 }
 

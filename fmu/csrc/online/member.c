@@ -3,8 +3,8 @@ lower triangle of a covariance holds, as that is what is kept of it. Numbers of 
 so compilers take as many numbers at once as the processor does. What goes on in a member is written once for one member and for some abreast, L: each number of one
 stands beside the same of the others, so that the same is done to all at once (abreast.c). */
 
-/* Whether its path bends: an acceleration of which nothing is uncertain is zero, and so is all that is known with it. */
-static int bends(const Member *member) { return member->P[PATH_AND_MAP][PATH_AND_MAP] != 0.0; }
+/* Whether its acceleration counts: one of which nothing is uncertain is zero, and so is all that is known with it; but errors of thrusters come after it. */
+static int bends(const Member *member) { return member->errors > MOTION || member->P[PATH_AND_MAP][PATH_AND_MAP] != 0.0; }
 
 /* Factors times a column of a matrix whose rows have `stride` numbers. */
 static ALWAYS_INLINE double by_column(int count, const double factors[], const double *column, int stride) {
@@ -20,17 +20,18 @@ static double bent_by(int component, double T) { return component < 3 ? 0.5 * T 
    and an acceleration, if a path bends, move them besides: in a straight line, as an orbit is gone in small arcs. Without process noise. */
 static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *transition, double *restrict x, double *restrict P) {
     const double(*F)[6] = transition->F, (*by_thrust)[OF_THRUST] = transition->by_thrust, T = transition->span;
+    const int thrust = n - OF_THRUST;
     double A[6][ERRORS * ABREAST], to[6 * ABREAST];
     for (int a = 0; a < 6; a++) {
         for (int m = 0; m < L; m++) {
             double sum = transition->step[a] + by_column(6, F[a], x + m, L);
             if (bent) sum += bent_by(a, T) * x[(PATH_AND_MAP + a % 3) * L + m];
-            if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[a], x + THRUST * L + m, L);
+            if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[a], x + thrust * L + m, L);
             to[a * L + m] = sum;
         }
         for (int j = 0; j < n * L; j++) {
             A[a][j] = by_column(6, F[a], P + j, ERRORS * L);
-            if (n > MOTION) A[a][j] += by_column(OF_THRUST, by_thrust[a], P + ROW(L, THRUST, 0) + j, ERRORS * L);
+            if (n > MOTION) A[a][j] += by_column(OF_THRUST, by_thrust[a], P + ROW(L, thrust, 0) + j, ERRORS * L);
             if (bent) A[a][j] += bent_by(a, T) * P[ROW(L, PATH_AND_MAP + a % 3, 0) + j];
         }
     }
@@ -39,7 +40,7 @@ static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *trans
         for (int b = 0; b <= a; b++)
             for (int m = 0; m < L; m++) {
                 double sum = by_column(6, F[b], &A[a][m], L);
-                if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[b], &A[a][THRUST * L + m], L);
+                if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[b], &A[a][thrust * L + m], L);
                 if (bent) sum += bent_by(b, T) * A[a][(PATH_AND_MAP + b % 3) * L + m];
                 P[ROW(L, a, b) + m] = P[ROW(L, b, a) + m] = a == b ? sum + ROUNDING * sum : sum;
             }
@@ -50,7 +51,7 @@ static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *trans
 
 static ALWAYS_INLINE void transit_abreast(int L, int manoeuvred, int bent, const Transition *transition, double *x, double *P) {
     if (manoeuvred && bent) spread(L, ERRORS, 1, transition, x, P);
-    else if (manoeuvred) spread(L, ERRORS, 0, transition, x, P);
+    else if (manoeuvred) spread(L, UNBENT, 0, transition, x, P);
     else if (bent) spread(L, MOTION, 1, transition, x, P);
     else spread(L, PATH_AND_MAP, 0, transition, x, P);
 }
@@ -59,17 +60,17 @@ WIDE static void transit(Member *member, const Transition *transition) {
     transit_abreast(1, member->errors > MOTION, bends(member), transition, member->x, member->P[0]);
 }
 
-/* What process noise adds in a transition to one of L members, whose covariance of so many errors is from P on. */
-static void add_noise_abreast(int L, double errors, ProcessNoise noise, const Transition *transition, double *P) {
+/* What process noise adds in a transition to one of L members, whose covariance is from P on, and errors of thrusters from `thrust` on; 0: it has none. */
+static void add_noise_abreast(int L, int thrust, ProcessNoise noise, const Transition *transition, double *P) {
     const double T = transition->span;
     add_noise(noise.white, T, P, ERRORS * L, L);
     if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, P, L);
-    for (int k = THRUST; k < (int)errors; k++) P[ROW(L, k, k)] += noise.wander * T;
+    for (int k = thrust; thrust > 0 && k < thrust + OF_THRUST; k++) P[ROW(L, k, k)] += noise.wander * T;
     if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, P, L);
 }
 
 static void add_process_noise(Member *member, ProcessNoise noise, const Transition *transition) {
-    add_noise_abreast(1, member->errors, noise, transition, member->P[0]);
+    add_noise_abreast(1, member->errors > MOTION ? THRUST : 0, noise, transition, member->P[0]);
 }
 
 static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
@@ -134,7 +135,8 @@ static ALWAYS_INLINE void change(int L, int n, const Measurement *measurement, d
 }
 
 static ALWAYS_INLINE void change_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, double *x, double *P) {
-    if (manoeuvred) change(L, ERRORS, measurement, x, P);
+    if (manoeuvred && bent) change(L, ERRORS, measurement, x, P);
+    else if (manoeuvred) change(L, UNBENT, measurement, x, P);
     else if (bent) change(L, MOTION, measurement, x, P);
     else change(L, PATH_AND_MAP, measurement, x, P);
 }
@@ -155,6 +157,7 @@ static void go_to_node(const OnlineOptions *options, Member *member, const Measu
 static ALWAYS_INLINE void innovate(int L, int n, int bent, const Measurement *measurement, const double *restrict x, const double *restrict P,
                                    double *restrict e, double *restrict C, double (*restrict B)[ERRORS * ABREAST]) {
     const double bend = measurement->bend;
+    const int thrust = n - OF_THRUST;
     double by[3][PATH_AND_MAP];
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++) {
@@ -165,7 +168,7 @@ static ALWAYS_INLINE void innovate(int L, int n, int bent, const Measurement *me
         by[k][SCALE] = measurement->scale[k];
         for (int j = 0; j < n * L; j++) {
             B[k][j] = P[ROW(L, k, 0) + j] + by_column(PATH_AND_MAP - 3, &by[k][3], P + ROW(L, 3, 0) + j, ERRORS * L);
-            if (n > MOTION) B[k][j] += by_column(OF_THRUST, measurement->by_thrust[k], P + ROW(L, THRUST, 0) + j, ERRORS * L);
+            if (n > MOTION) B[k][j] += by_column(OF_THRUST, measurement->by_thrust[k], P + ROW(L, thrust, 0) + j, ERRORS * L);
             if (bent) B[k][j] += bend * P[ROW(L, PATH_AND_MAP + k, 0) + j];
         }
     }
@@ -173,14 +176,14 @@ static ALWAYS_INLINE void innovate(int L, int n, int bent, const Measurement *me
         for (int m = 0; m < L; m++) {
             double off = measurement->c[k] - x[k * L + m] - by_column(PATH_AND_MAP - 3, &by[k][3], x + 3 * L + m, L);
             if (bent) off -= bend * x[(PATH_AND_MAP + k) * L + m];
-            if (n > MOTION) off -= by_column(OF_THRUST, measurement->by_thrust[k], x + THRUST * L + m, L);
+            if (n > MOTION) off -= by_column(OF_THRUST, measurement->by_thrust[k], x + thrust * L + m, L);
             e[k * L + m] = off;
         }
         for (int i = 0; i <= k; i++)
             for (int m = 0; m < L; m++) {
                 double sum = measurement->noise[k][i] + B[k][i * L + m] + by_column(PATH_AND_MAP - 3, &by[i][3], &B[k][3 * L + m], L);
                 if (bent) sum += bend * B[k][(PATH_AND_MAP + i) * L + m];
-                if (n > MOTION) sum += by_column(OF_THRUST, measurement->by_thrust[i], &B[k][THRUST * L + m], L);
+                if (n > MOTION) sum += by_column(OF_THRUST, measurement->by_thrust[i], &B[k][thrust * L + m], L);
                 C[(3 * k + i) * L + m] = sum;
             }
     }
@@ -189,7 +192,7 @@ static ALWAYS_INLINE void innovate(int L, int n, int bent, const Measurement *me
 static ALWAYS_INLINE void innovate_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, const double *x, const double *P,
                                            double *e, double *C, double (*B)[ERRORS * ABREAST]) {
     if (manoeuvred && bent) innovate(L, ERRORS, 1, measurement, x, P, e, C, B);
-    else if (manoeuvred) innovate(L, ERRORS, 0, measurement, x, P, e, C, B);
+    else if (manoeuvred) innovate(L, UNBENT, 0, measurement, x, P, e, C, B);
     else if (bent) innovate(L, MOTION, 1, measurement, x, P, e, C, B);
     else innovate(L, PATH_AND_MAP, 0, measurement, x, P, e, C, B);
 }
@@ -209,12 +212,12 @@ static ALWAYS_INLINE void add_to_rows(int L, int begin, int end, int width, cons
                 P[ROW(L, a, b) + m] += B[0][a * L + m] * C[0][b * L + m] + B[1][a * L + m] * C[1][b * L + m] + B[2][a * L + m] * C[2][b * L + m];
 }
 
-/* The same of all rows: those of an acceleration are zero unless a path bends. */
-static ALWAYS_INLINE void add_products(int L, int manoeuvred, int bent, const double B[3][ERRORS * ABREAST], const double C[3][ERRORS * ABREAST], double *P) {
+/* The same of n errors. */
+static ALWAYS_INLINE void add_products(int L, int n, int bent, const double B[3][ERRORS * ABREAST], const double C[3][ERRORS * ABREAST], double *P) {
     add_to_rows(L, 0, OFFSET, OFFSET, B, C, P);
     add_to_rows(L, OFFSET, PATH_AND_MAP, PATH_AND_MAP, B, C, P);
     if (bent) add_to_rows(L, PATH_AND_MAP, MOTION, MOTION, B, C, P);
-    if (manoeuvred) add_to_rows(L, THRUST, ERRORS, ERRORS, B, C, P);
+    if (n > MOTION) add_to_rows(L, n - OF_THRUST, n, n, B, C, P);
 }
 
 /* Where the path is as a member takes it for, successive innovations have nothing in common. One that may be a jump, whitened like all, does not count. */
@@ -251,13 +254,14 @@ static ALWAYS_INLINE void learn(int L, int n, int bent, const double *restrict e
             x[j] += B[0][j] * e[m] + B[1][j] * e[L + m] + B[2][j] * e[2 * L + m];
             more[j] = ROUNDING * P[ROW(L, a, a) + m];
         }
-    add_products(L, n > MOTION, bent, (const double(*)[ERRORS * ABREAST])less, (const double(*)[ERRORS * ABREAST])B, P);
+    add_products(L, n, bent, (const double(*)[ERRORS * ABREAST])less, (const double(*)[ERRORS * ABREAST])B, P);
     for (int a = 0; a < n; a++)
         for (int m = 0; m < L; m++) P[ROW(L, a, a) + m] += more[a * L + m];
 }
 
 static ALWAYS_INLINE void update_abreast(int L, int manoeuvred, int bent, const double *e, const double *C, double (*B)[ERRORS * ABREAST], double *x, double *P) {
-    if (manoeuvred) learn(L, ERRORS, bent, e, C, B, x, P);
+    if (manoeuvred && bent) learn(L, ERRORS, 1, e, C, B, x, P);
+    else if (manoeuvred) learn(L, UNBENT, 0, e, C, B, x, P);
     else if (bent) learn(L, MOTION, 1, e, C, B, x, P);
     else learn(L, PATH_AND_MAP, 0, e, C, B, x, P);
 }

@@ -37,10 +37,10 @@ static int take_measurement(const OnlineOptions *options, PackedMember bank[MEMB
     members.count = 0;
     for (int m = 0; m <= MEMBERS; m++) {
         if (members.count == ABREAST || (m == MEMBERS && members.count > 0)) {
-            if (!take_abreast(options, bank, &members, 0, measurement, curve, widest, NULL)) return 0;
+            if (!take_abreast(options, bank, &members, 0, measurement, curve, widest)) return 0;
             members.count = 0;
         }
-        if (m < MEMBERS && is_alive(&bank[m])) members.at[members.count++] = m;
+        if (m < MEMBERS && is_alive(&bank[m])) members.least[members.count] = NULL, members.at[members.count++] = m;
     }
     return 1;
 }

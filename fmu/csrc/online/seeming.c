@@ -64,11 +64,12 @@ static ALWAYS_INLINE void take_back_of(int L, int n, int bent, const Measurement
         for (int j = 0; j < n; j++)
             for (int m = 0; m < L; m++)
                 MG[a][j * L + m] = by[3 * a * L + m] * G[0][j * L + m] + by[(3 * a + 1) * L + m] * G[1][j * L + m] + by[(3 * a + 2) * L + m] * G[2][j * L + m];
-    add_products(L, n > MOTION, bent, (const double(*)[ERRORS * ABREAST])G, (const double(*)[ERRORS * ABREAST])MG, P);
+    add_products(L, n, bent, (const double(*)[ERRORS * ABREAST])G, (const double(*)[ERRORS * ABREAST])MG, P);
 }
 
 static ALWAYS_INLINE void take_back_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, const double *density, double widest, double *P) {
-    if (manoeuvred) take_back_of(L, ERRORS, bent, measurement, density, widest, P);
+    if (manoeuvred && bent) take_back_of(L, ERRORS, 1, measurement, density, widest, P);
+    else if (manoeuvred) take_back_of(L, UNBENT, 0, measurement, density, widest, P);
     else if (bent) take_back_of(L, MOTION, 1, measurement, density, widest, P);
     else take_back_of(L, PATH_AND_MAP, 0, measurement, density, widest, P);
 }
