@@ -3,7 +3,26 @@
 import numpy as np
 import pytest
 
+from solving import pivot_once
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """The problems of `pivot` that a module's tests have in common, once they are solved."""
+    return {}
+
+
+@pytest.fixture
+def shared_pivot(request, solved):
+    """For modules in which methods estimate the same tracks: `pivot` solves them once, but not where a test changes
+    what it rests on.
+    """
+    if "monkeypatch" in request.fixturenames:
+        yield
+        return
+    with pivot_once(solved):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,8 @@ from baryscope.estimator.tracks import FeatureTracks
 from oracles import inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 TIME = np.arange(0.0, 6000.0, 20.0)
 STATE = np.array([0.0, -20.0, 4.0, 3.0, -10.0, 4.0])
 ORBIT = Orbit(eccentricity=0.3, semi_major_axis=10_000e3, anomaly=2.5)

@@ -30,6 +30,8 @@ from free_paths import (
 )
 from synthetic import ENVISAT, Case, attitude, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 
 @pytest.mark.parametrize("path", PATHS)
 @BOTH

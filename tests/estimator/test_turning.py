@@ -14,6 +14,8 @@ from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError
 from synthetic import attitude, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 INERTIA = np.diag([0.28, 0.33, 0.39])
 RATE = np.array([0.02, 0.035, 0.03])  # rad/s
 B = np.array([0.6, -0.3, 0.4])  # m

@@ -21,6 +21,8 @@ from free_paths import (
 )
 from synthetic import make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 
 def pure_spin(noise, seed, path="fixed"):
     time = np.arange(200.0)

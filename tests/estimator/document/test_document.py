@@ -16,6 +16,8 @@ from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
 from synthetic import Orbit
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 COLUMNS = ["time", "x", "y", "z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"]
 SCHEMA = Path(__file__).parents[3] / "docs" / "estimate.schema.json"
 

@@ -17,6 +17,8 @@ from baryscope.models.errors import ComputationError, Reason
 from free_paths import BOTH, FEATURES, NOISE, found_by, in_orbit, squared_error, turning
 from synthetic import make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 TWO = FEATURES[[0, 3]]
 LINE = TWO[0] + np.array([[0.0], [0.4], [1.0]]) * (TWO[1] - TWO[0])
 DRAWS, FRAMES = 8, 150

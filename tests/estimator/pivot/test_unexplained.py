@@ -21,6 +21,8 @@ from baryscope.study.population.sensing import sampled
 from oracles import inertial_states, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 ORBIT = Orbit().model()
 TIME = np.arange(0.0, 600.0, 2.0)
 X = np.array([5.0, -20.0, 4.0, 0.0, -10.0, 4.0])

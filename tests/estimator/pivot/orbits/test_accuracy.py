@@ -18,6 +18,8 @@ from baryscope.study.population.judging import of_estimate, prepared, wrong
 from oracles import inertial_states, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 ORBIT = Orbit().model().of_simulation()
 TIME = np.arange(0.0, 600.0, 2.0)
 COM = RelativeOrbit(ORBIT, 300.0).at(TIME).position(np.array([5.0, -20.0, 4.0, 0.0, -10.0, 4.0]))

@@ -16,6 +16,8 @@ from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, tur
 from oracles import inertial_states, propagate_kepler
 from synthetic import MU, Orbit, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 PERIOD = ORBIT.period
 
 

@@ -16,6 +16,8 @@ from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.result import Status
 from synthetic import make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 ORBIT = free_paths.ORBIT.model()
 DIRECTION = np.array([0.6, -0.64, 0.48])
 TOLD = PathOptions(constant_acceleration="lvlh")
