@@ -12,7 +12,9 @@ from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, turning
 from synthetic import ENVISAT, make_case
 
-FRAMES, DRAWS = 120, 12
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
+FRAMES, DRAWS = 120, 8
 STEP = 1e-3  # s, of central differences: they leave the square of it, and rounding over it
 
 

@@ -18,7 +18,9 @@ from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit
 from results import an_estimate
 from synthetic import make_case
 
-BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 10
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
+BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 7
 TRACKED = slice(BEFORE, BEFORE + FRAMES)
 DENSITY = 1e-8  # m²/s³: 13 mm after 60 s
 GAP = slice(70, 100)

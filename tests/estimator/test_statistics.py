@@ -1,4 +1,4 @@
-"""Errors over 140 draws of `pivot` and `ml`, against their covariances and the Cramér–Rao bound."""
+"""Errors over 70 draws of `pivot` and `ml`, against their covariances and the Cramér–Rao bound."""
 
 import numpy as np
 import pytest
@@ -22,15 +22,18 @@ from free_paths import (
     squared_error_of_cluster,
     turning,
 )
+from solving import pivot_once
 from synthetic import ENVISAT, make_case
 
-RUNS, FRAMES, FEW = 140, 80, 20
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
+RUNS, FRAMES, FEW = 70, 80, 12
 EXACT = {"process_noise": "none", "torque_noise": "none"}  # the models hold exactly here
 
 
 @pytest.fixture(scope="module")
 def draws():
-    """140 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
+    """70 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
     time, R = turning(FRAMES)
     com, features = in_orbit(time), FEATURES[:5]
     cases = [make_case(time, R, com, features, noise=NOISE, seed=seed) for seed in range(RUNS)]
@@ -45,10 +48,11 @@ def draws():
         sensor=Sensor(noise=NOISE),
         run=Run(duration=FRAMES - 1.0, sample_time=1.0),
     )
-    found = {
-        method: [found_by(method, case.tracks, "relative-orbit", torque="none", **EXACT) for case in cases]
-        for method in ("pivot", "ml")
-    }
+    found = {"pivot": [], "ml": []}
+    for case in cases:
+        with pivot_once({}):
+            for method, estimates in found.items():
+                estimates.append(found_by(method, case.tracks, "relative-orbit", torque="none", **EXACT))
     return cases, found, cramer_rao_bound(scenario)
 
 
@@ -74,7 +78,7 @@ def test_ml_reaches_the_bound_and_pivot_comes_within_a_quarter(draws):
             [rms(one, case) ** 2 / bound.position_deviation**2 for one, case in zip(found[method], cases, strict=True)]
         )
         spread = 3 * ratio.std() / np.sqrt(RUNS)
-        assert spread < 0.25
+        assert spread < 3 / np.sqrt(RUNS)  # the ratio deviates by less than its mean
         assert ratio.mean() > 1 - spread
         assert ratio.mean() < (1 + spread if method == "ml" else 1.25**2)
     # The predicted errors agree with the bound up to the error of the noise from 1,000 values.
@@ -123,5 +127,5 @@ def test_attitude_rate_and_inertia_of_ml_reach_the_bound(draws):
     ]
     ratio = np.array(squares) / expected
     spread = 4 * ratio.std(axis=0) / np.sqrt(RUNS)
-    assert (spread < 0.6).all()
+    assert (spread < 0.84).all()
     np.testing.assert_array_less(np.abs(ratio.mean(axis=0) - 1), spread)
