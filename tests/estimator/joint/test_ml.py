@@ -33,17 +33,17 @@ def test_without_noise_the_centre_is_exact():
 
 
 def test_the_covariance_is_honest_where_skin_lasts():
-    """The mean NEES of 20 draws is near 3, with a standard deviation of sqrt(6 / 20) = 0.55, of which 3 are allowed."""
+    """The mean NEES of 12 draws is near 3, with a standard deviation of sqrt(6 / 12) = 0.71, of which 3 are allowed."""
     nees, of_path = [], []
-    for seed in range(20):
+    for seed in range(12):
         parent, child, centre = recording(np.random.default_rng(seed), 0.003, 0.9)
         found = joint(parent, child)
         error = found.in_child - of_the_average_markers(parent, child, centre)
         nees.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
         off = found.position - centre
         of_path.append(np.mean(np.einsum("ki,kij,kj->k", off, np.linalg.inv(found.position_covariance), off)))
-    assert 1.3 < np.mean(nees) < 4.7, np.mean(nees)
-    assert 1.3 < np.mean(of_path) < 4.7, np.mean(of_path)  # of many times, which vary less than one
+    assert 0.9 < np.mean(nees) < 5.1, np.mean(nees)
+    assert 0.9 < np.mean(of_path) < 5.1, np.mean(of_path)  # of many times, which vary less than one
 
 
 def test_attitudes_whose_noise_lasts_do_not_tell_where_the_centre_is():
@@ -86,10 +86,10 @@ def test_skin_and_noise_are_told_apart():
 def test_a_slide_that_depends_on_the_angle_is_claimed():
     """Skin that moves by a random linear map of the joint's angles shifts the centre itself; both covariances know.
 
-    The mean of NEES over 20 draws is 3 within 4 σ, 2.2; SCoRE's was four times that of `ml` without such skin's share.
+    The mean of NEES over 12 draws is 3 within 4 σ, 2.8; SCoRE's was four times that of `ml` without such skin's share.
     """
     nees = []
-    for seed in range(20):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         parent, child, centre = recording(rng, 0.0005, 0.0)
         body = Pair.of(parent, child)
@@ -103,14 +103,14 @@ def test_a_slide_that_depends_on_the_angle_is_claimed():
             error = found.in_child - of_the_average_markers(parent, child, centre)
             row.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
         nees.append(row)
-    assert (np.mean(nees, axis=0) < 5.2).all(), np.mean(nees, axis=0)
+    assert (np.mean(nees, axis=0) < 5.8).all(), np.mean(nees, axis=0)
 
 
 def test_a_slide_that_depends_on_the_angle_is_claimed_on_a_hinge():
     """Along its axis the slides of both bodies look like one; across it each shifts the centre. Where what is seen was
     taken for one body's, three tenths of such centres were off by more than NEES 16, which is one of a thousand.
     """
-    nees = [judged("hinge", "by angle", 1, draw, "ml")["nees"] for draw in range(40)]
+    nees = [judged("hinge", "by angle", 1, draw, "ml")["nees"] for draw in range(20)]
     assert np.mean(np.array(nees) > chi2.ppf(0.999, 3)) < 0.08
     assert np.mean(nees) < 5
 
