@@ -225,7 +225,7 @@ def over_grid(linear, prior, theta):
     return total
 
 
-@pytest.mark.parametrize("count", [20, 200, 2000])
+@pytest.mark.parametrize("count", [20, 200, 1000])
 def test_an_interval_is_as_wide_as_its_likelihood_however_many_tell_it(count):
     """Of n unknowns that are observed without an error, −2 ln p = n θ + Σ x² e^−θ: a deviation of √(2/n) of θ. The sum
     in steps of two of them has 0.92 of it. In steps of 0.7 it had none from n = 200 on.
