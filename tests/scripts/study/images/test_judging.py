@@ -12,14 +12,23 @@ from baryscope.estimator.images import track
 from baryscope.study.images import __main__ as command
 from baryscope.study.images.picture import picture, trails
 from baryscope.study.images.report import table
-from baryscope.study.images.scene import write_images
+from baryscope.study.images.scene import Scene, write_images
 from pictures import scene
 
 pytest.importorskip("cv2", reason="OpenCV, the extra images, is not installed")
 
 
 @pytest.fixture(scope="module")
-def tracked(tmp_path_factory):
+def rendered():
+    """The images of the scene that these tests look at, which are rendered once."""
+    images, made = Scene.images, list(scene(24).images())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Scene, "images", lambda one: iter(made) if one is scene(24) else images(one))
+        yield
+
+
+@pytest.fixture(scope="module")
+def tracked(rendered, tmp_path_factory):
     return track(*write_images(scene(24), tmp_path_factory.mktemp("images")), scene(24).pair, times=scene(24).time)
 
 

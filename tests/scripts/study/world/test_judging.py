@@ -14,7 +14,7 @@ from baryscope.study.world.forces import Burn
 from baryscope.study.world.judging import can_be_told, judged, prepared, told
 from baryscope.study.world.lasting_bound import lasting_bound
 from baryscope.study.world.report import band, table
-from baryscope.study.world.scenes import displaced, lasting, rows_of
+from baryscope.study.world.scenes import displaced, lasting, rows_of, scene
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.told_bound import unknown_of_told
 from baryscope.study.world.worlds import WORLDS
@@ -149,7 +149,7 @@ def test_what_can_be_told_is_told():
     names = {name for name, world in WORLDS.items() if can_be_told(world)}
     assert "thrust not logged" not in names
     for name in names:
-        made, _ = prepared(name, 1, 0)
+        made = scene(WORLDS[name], 1, 0)
         orbit, options = told(made, PathOptions())
         assert orbit.j2 is not None or options != PathOptions() or made.camera is not None
 
