@@ -96,7 +96,7 @@ def test_predictions_are_judged_in_position_and_velocity():
 
 def test_a_run_with_predictions_is_none_without_and_is_resumed(in_process, tmp_path, capsys):
     output = tmp_path / "results.jsonl"
-    run = ["run", "--seed", "5", "--first", "1", "--cases", "1", "--methods", "pivot", "-o", str(output)]
+    run = ["run", "--seed", "5", "--first", "3", "--cases", "1", "--methods", "pivot", "-o", str(output)]
     for more in ([], ["--ahead"], ["--ahead"]):
         main([*run, *more])
     lines = [json.loads(line) for line in output.read_text(encoding="utf-8").splitlines()]
