@@ -2,6 +2,7 @@
 
 import csv
 import json
+import pickle
 import re
 
 import ezc3d
@@ -324,7 +325,7 @@ def test_what_cannot_be_predicted(tracks, options, message, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_an_estimate_without_its_prediction(tmp_path, capsys):
+def test_an_estimate_without_its_prediction(tmp_path, capsys, monkeypatch):
     """A body driven about no axis of a tumble: the path is good, and written, but no point of it can be followed.
 
     A script that waits for the prediction is told by the exit code, and finds none of an older estimate.
@@ -334,6 +335,14 @@ def test_an_estimate_without_its_prediction(tmp_path, capsys):
     points = box_features(5, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2) + [1.0, -20.0, 2.0]
     noise = 0.001 * np.random.default_rng(4).normal(size=points.shape)
     FeatureTracks(time, points + noise, [f"F{i}" for i in range(5)]).write_csv(tmp_path / "t.csv")
+    estimates = {}
+
+    def once(tracks, **options):
+        """Both commands ask for the same estimate, which takes seconds."""
+        content = pickle.dumps((tracks, {name: value for name, value in options.items() if name != "progress"}))
+        return estimates.get(content) or estimates.setdefault(content, estimate(tracks, **options))
+
+    monkeypatch.setattr(cli_estimate, "estimate", once)
     command = ["estimate", str(tmp_path / "t.csv"), "--method", "ml", "--trajectory", "fixed", "--quiet"]
     old = tmp_path / "t.estimate.prediction.csv"
     old.touch()
@@ -349,3 +358,4 @@ def test_an_estimate_without_its_prediction(tmp_path, capsys):
     )
     assert app.main([*command, "--predict", "5"]) == 0  # the centre of mass needs no tumble
     assert old.exists()
+    assert len(estimates) == 1
