@@ -36,6 +36,7 @@ TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its ma
 SCAN, SCAN_STEP = 16, 0.3  # values of a hyperparameter in the search for a start, at most, and how far apart at least
 SWEEPS = 2  # of it, where there are several
 MOST_STEPS = 100  # of the search for a minimum
+FEW_STEPS = 4  # of them, where the next round goes on: far more lead away where outliers are not yet known
 DIFFERENCE = 1e-4  # of a hyperparameter, for the change of the derivatives of a law
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 
@@ -102,7 +103,7 @@ def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None 
 
 
 def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None) -> FloatArray:
-    """The hyperparameters (h,) of the maximum near θ (h,): for rounds that others follow.
+    """Hyperparameters (h,) that are likelier than θ (h,), after a few steps: for rounds that others follow.
 
     An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans, where θ is
     None, or some of it NaN.
@@ -110,14 +111,14 @@ def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None)
     bounds = ranges(linear, prior)
     if theta is None or len(bounds) < 2 or np.isnan(theta).any():
         return maximise(linear, prior, theta)
-    return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]))[0]
+    return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]), FEW_STEPS)[0]
 
 
 def _minimised(
-    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray
+    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_STEPS
 ) -> tuple[FloatArray, float]:
     """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
-    return bounded_minimum(lambda at: curvature(linear, prior, at), start, bounds, MOST_STEPS)
+    return bounded_minimum(lambda at: curvature(linear, prior, at), start, bounds, most)
 
 
 def _spared(

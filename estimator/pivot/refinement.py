@@ -108,8 +108,9 @@ class _Refinement:
             if self.scan:
                 self.simple, self.here = None, None
         self.converged = self.converged and self._is_complete() and self._is_consistent()
-        if self._goes_round():
-            self._slips_otherwise(more=True)
+        # Where whole steps go to and fro, half of one comes to rest between.
+        if self._goes_round() and not self._slips_otherwise(more=True) and self.here is not None:
+            self._move(*self.here.halfway(self.bodies, self.x))
         self._hold_offsets()
         if not self.converged and self.rounds == self.most < LONGEST and self._is_within(NEARLY):
             self._go_on_for(FIRM_ROUNDS)
