@@ -214,7 +214,7 @@ def _of_chosen_degree(
         cut_short = _is_cut_short(found)
         if not (cut_short or _may_lack_degrees(found)):
             break
-        # Of a path with more degrees they tell less.
+        # Of a path with more degrees they tell less; one that is cut short is no answer, however likely.
         refuse_untold(found, data.registered)
         best = None if cut_short else best
     return best or (found, start)
