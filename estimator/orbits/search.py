@@ -3,7 +3,8 @@
 Places and accelerations on the path tell places on an orbit (`elements.places_on_orbit`), from which the elements of
 the greatest likelihood are sought; on each orbit the relative motion is linear in its own six unknowns. So twelve
 numbers take the place of all coefficients of the path. Both are weighed by their marginal likelihoods, the orbit's by
-Laplace's approximation, which is looked at.
+Laplace's approximation, but for how the likelihood falls off along the principal axes of the elements: where the chaser
+keeps its place in LVLH, the plane of the orbit is told by second order only, and better than its curvature says.
 """
 
 from collections.abc import Iterator
@@ -34,9 +35,12 @@ STARTS = 2  # from which the elements are sought, one after the other: the best 
 MOST_EVALUATIONS = 60  # of the residuals, from one start
 WEAK = 1e-14  # information over the greatest: that of rounding
 STEP = 1e-5  # of the elements, for derivatives by them
+SCALE = 0.01  # of the elements, in which they are sought
 FAR = 1e6  # of all residuals where there is no orbit
 DEVIATIONS = 2.0  # along each principal axis of the elements, where the likelihood is looked at
-LEAST_GROWN, MOST_GROWN = 0.5, 2.0  # of −2 ln p there over its square, if Laplace's approximation holds
+GAUSSIAN = 0.5, 2.0  # of the growth of −2 ln p there over its square, where the likelihood is a Gaussian one
+LEAST_GROWN = 0.25  # the same with the other elements at their best: below, a covariance claims far too much
+MOST_BENT = 2.0  # of that without less that with these: a valley bends by more away from where a covariance has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +63,18 @@ def likeliest_orbit(
 ) -> OrbitFit | None:
     """The likeliest orbit for what the tracks tell of the coefficients (p,) of a smooth path; None if none is told.
 
-    theta (h,): the hyperparameters of the smooth path's prior; gaussian: whether the orbit has to be told so well that
-    its likelihood is Gaussian, without which the gain says little.
+    theta (h,): the hyperparameters of the smooth path's prior; gaussian: whether the orbit has to be told as well as a
+    Gaussian likelihood tells it, or better, without which gain and covariance say little.
     """
     search = _Search.of(linear, smooth)
     starts = [found for one in _starts(smooth, linear.x) if (found := search.motion_on(one)) is not None]
     for start in sorted(starts, key=lambda one: one.squares)[:STARTS]:
         best = search.refined(start)
         by_elements = search.by_elements(best)
-        if by_elements is None or (gaussian and not search.is_gaussian(best, by_elements)):
+        if by_elements is None:
+            continue
+        grown = search.grown(best, by_elements) if gaussian else np.ones((6, 2))
+        if grown is None:
             continue
         try:
             best.elements.orbit(search.middle, EARTH_MU)
@@ -75,6 +82,7 @@ def likeliest_orbit(
             continue
         prior_cost = best.prior_cost(float(np.exp(theta[0])))
         gain = cost(linear, smooth.prior, theta) - search.cost(best, by_elements) - prior_cost
+        gain += 2 * float(np.log((1 / np.sqrt(grown)).mean(axis=-1)).sum())
         return OrbitFit(best.elements, best.x, best.coefficients, gain, prior_cost)
     return None
 
@@ -150,16 +158,20 @@ class _Search:
 
     def refined(self, start: _Motion) -> _Motion:
         """The motion of least squares near another."""
+        return self._refined_along(start.elements, SCALE * np.eye(6)) or start
+
+    def _refined_along(self, start: LocalElements, axes: FloatArray) -> _Motion | None:
+        """The motion of least squares on orbits that lie along axes (6, k) from one; None of none."""
         from scipy.optimize import least_squares  # slow to load, and few commands need it
 
         def residuals(by: FloatArray) -> FloatArray:
-            found = self.motion_on(start.elements.moved(by))
+            found = self.motion_on(start.moved(axes @ by))
             if found is None:
                 return np.full(len(self.target), FAR * float(np.linalg.norm(self.target)))
             return self.root @ found.coefficients - self.target
 
-        by = least_squares(residuals, np.zeros(6), x_scale=0.01, max_nfev=MOST_EVALUATIONS).x
-        return self.motion_on(start.elements.moved(by)) or start
+        by = least_squares(residuals, np.zeros(axes.shape[1]), max_nfev=MOST_EVALUATIONS).x
+        return self.motion_on(start.moved(axes @ by))
 
     def by_elements(self, at: _Motion) -> FloatArray | None:
         """The derivatives (k, 6) of the residuals by the elements, for a given x; None at the border of all orbits."""
@@ -181,20 +193,31 @@ class _Search:
         hessian[6:, 6:] += np.eye(6)
         return best.squares - self.rest + float(np.linalg.slogdet(hessian)[1])
 
-    def is_gaussian(self, best: _Motion, by_elements: FloatArray) -> bool:
-        """Whether the likelihood of the elements is a Gaussian one, as far as some deviations from its maximum."""
+    def grown(self, best: _Motion, by_elements: FloatArray) -> FloatArray | None:
+        """How −2 ln p grows over how it would by its curvature (6, 2), either way along the principal axes of the
+        elements, with the others at their best; None where a covariance does not hold.
+        """
         by_x = self.root @ best.columns
         across = by_elements - by_x @ np.linalg.lstsq(by_x, by_elements)[0]
         values, axes = np.linalg.eigh(across.T @ across)
         if not values[0] > 0:
-            return False
-        for value, axis in zip(values, axes.T, strict=True):
-            for away in (DEVIATIONS, -DEVIATIONS):
-                found = self.motion_on(best.elements.moved(away * axis / np.sqrt(value)))
-                grown = np.inf if found is None else (found.squares - best.squares) / DEVIATIONS**2
-                if not LEAST_GROWN <= grown <= MOST_GROWN:
-                    return False
-        return True
+            return None
+        deviations, grown = axes / np.sqrt(values), np.empty((6, 2))
+        for index, way in np.ndindex(grown.shape):
+            away = deviations[:, index] * (DEVIATIONS if way else -DEVIATIONS)
+            straight = self._growth(self.motion_on(best.elements.moved(away)), best)
+            grown[index, way] = straight
+            if GAUSSIAN[0] <= straight <= GAUSSIAN[1]:
+                continue
+            others = np.delete(deviations, index, axis=1)
+            grown[index, way] = self._growth(self._refined_along(best.elements.moved(away), others), best)
+            if not max(LEAST_GROWN, straight - MOST_BENT) <= grown[index, way] < np.inf:
+                return None
+        return grown
+
+    @staticmethod
+    def _growth(found: _Motion | None, best: _Motion) -> float:
+        return np.inf if found is None else (found.squares - best.squares) / DEVIATIONS**2
 
 
 def _starts(smooth: SmoothPath, x: FloatArray) -> Iterator[LocalElements]:
