@@ -78,39 +78,42 @@ class GaussianLikelihood:
         return self._parts[which]
 
 
-def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None = None) -> FloatArray:
+def maximise(
+    linear: GaussianLikelihood, prior: Prior, start: FloatArray | None = None, *, scan: bool = False
+) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
-    From a start (h,) only the maximum near it is found, but for those that are NaN there, whose ranges are scanned.
+    From a start (h,) only the maximum near it is found, unless ranges are to be scanned, too, but for those that are
+    NaN there, whose ranges are scanned in any case.
     """
     bounds = ranges(linear, prior)
     if not len(bounds):
         return np.zeros(0)
     if len(bounds) == 1 and prior.trend is None and np.all(prior.slopes[prior.slopes != 0] == 1):
         return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds, scan=True)
-    if start is None:
-        starts, unknown = [bounds[:, 0], bounds.mean(axis=1)], np.ones(len(bounds), dtype=bool)
-    else:
-        unknown = np.isnan(start)
-        starts = [np.clip(np.where(unknown, bounds[:, 0], start), bounds[:, 0], bounds[:, 1])]
+    every = np.ones(len(bounds), dtype=bool)
+    given = every if start is None else np.isnan(start)
+    scan = scan or start is None
+    near = bounds.mean(axis=1) if start is None else np.clip(np.where(given, bounds[:, 0], start), *bounds.T)
     # The better start may lie in a narrow valley that leads nowhere.
     costs: dict[bytes, float] = {}
-    scanned = [_scanned(linear, prior, bounds, at, unknown, costs) for at in starts]
+    scans = [(near, given), (bounds[:, 0], every)] if scan else [(near, given)]
+    scanned = [_scanned(linear, prior, bounds, at, unknown, costs) for at, unknown in scans]
     different = {at.tobytes(): at for at in scanned}  # often both are the same
     found = [_minimised(linear, prior, bounds, at) for at in different.values()]
     best, _ = min(found, key=lambda one: one[1])
-    return _spared(linear, prior, best, bounds, scan=start is None)
+    return _spared(linear, prior, best, bounds, scan=scan)
 
 
-def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None) -> FloatArray:
+def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None, *, scan: bool = False) -> FloatArray:
     """Hyperparameters (h,) that are likelier than θ (h,), after a few steps: for rounds that others follow.
 
-    An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans, where θ is
-    None, or some of it NaN.
+    An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans of their
+    ranges, too, where these are asked for, θ is None, or some of it NaN.
     """
     bounds = ranges(linear, prior)
-    if theta is None or len(bounds) < 2 or np.isnan(theta).any():
-        return maximise(linear, prior, theta)
+    if scan or theta is None or len(bounds) < 2 or np.isnan(theta).any():
+        return maximise(linear, prior, theta, scan=scan)
     return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]), FEW_STEPS)[0]
 
 
@@ -150,7 +153,7 @@ def likeliest_without(
     if len(others) and theta[index] > bounds[index, 0]:
         rest = prior.fixed(prior.hyperparameters[index].name, float(bounds[index, 0]))
         found = without.copy()
-        found[others] = maximise(linear, rest, None if scan else theta[others])
+        found[others] = maximise(linear, rest, theta[others], scan=scan)
         if (value := cost(linear, prior, found)) < least:
             return found, value
     return without, least

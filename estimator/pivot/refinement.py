@@ -106,7 +106,7 @@ class _Refinement:
         if self.simple is not None:
             self.scan = settled or self.rounds >= SIMPLE_ROUNDS
             if self.scan:
-                self.simple, self.here = None, None
+                self.simple, self.theta, self.here = None, None, None
         self.converged = self.converged and self._is_complete() and self._is_consistent()
         # Where whole steps go to and fro, half of one comes to rest between.
         if self._goes_round() and not self._slips_otherwise(more=True) and self.here is not None:
@@ -146,7 +146,7 @@ class _Refinement:
             free = float(self.path.prior.free.sum())
             self.variance = self.cost / degrees_of_freedom(self.bodies, self.observations, free)
         self.together = self.errors.lasting * self.least
-        self.theta = improved(scaled(problem, self.together), prior, None if self.scan else self.theta)
+        self.theta = improved(scaled(problem, self.together), prior, self.theta, scan=self.scan)
         self.solution = stepped(problem, prior, self.theta, self.together)
         self._move(self.solution.bodies, self.solution.x)
         if self.regularisation.firm is None:  # else what holds the offsets tells some
