@@ -38,12 +38,12 @@ class EstimatedOrbitPath(ForcedPath):
 
     def moved(self, x: FloatArray) -> LocalElements:
         """The elements for unknowns x (p,) of a path that begins with these."""
-        return self.elements.moved(x[self._own] / self._displacement)
+        return self.elements.moved(x[self.own] / self._displacement)
 
     def finding(self, x: FloatArray, of_x: FloatArray) -> EstimatedOrbit:
         """The orbit, for unknowns x (p,) with their covariance (p, p)."""
         found = self.moved(x)
-        shape = (of_x[self._own, self._own] / np.outer(self._displacement, self._displacement))[SHAPE, SHAPE]
+        shape = (of_x[self.own, self.own] / np.outer(self._displacement, self._displacement))[SHAPE, SHAPE]
         towards = found.shape[1:] / max(found.eccentricity, np.finfo(float).tiny)
         return EstimatedOrbit(
             found.period,
@@ -53,7 +53,8 @@ class EstimatedOrbitPath(ForcedPath):
         )
 
     @property
-    def _own(self) -> slice:
+    def own(self) -> slice:
+        """Which of the unknowns are the departures of the elements."""
         return slice(self.base.size, self.size)
 
 

@@ -24,7 +24,7 @@ from baryscope.estimator.orbits.error import (
     orbit_error,
 )
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
-from baryscope.estimator.orbits.oblateness import oblateness_on
+from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
 from baryscope.estimator.paths.forces import Force, ForcedPath, constant_of
 from baryscope.estimator.paths.path import Path
@@ -58,14 +58,14 @@ def with_errors_of_orbit(
     if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return found
     parts = []
-    if estimated is not None:
+    if estimated is not None and oblateness_in(path) is None:
         oblateness = oblateness_on(orbit, found.position, (path.begin, path.end))
         if oblateness is not None:
             beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
             excess = beside.excess(1.0)
             if (shown := excess <= -DECISIVE) or (excess < DECISIVE and beside.matters(1.0)):
                 parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
-    elif path.prior.index(ORBIT_ERROR) is None:
+    elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
         told = orbit.accuracy is not None
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)

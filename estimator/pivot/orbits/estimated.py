@@ -1,20 +1,24 @@
 """An orbit that is not given, where the path tells it."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.hyperparameters.evidence import maximise
+from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.elements import NAMES
-from baryscope.estimator.orbits.estimated import estimated_orbit_in, on_estimated_orbit
+from baryscope.estimator.orbits.elements import NAMES, LocalElements
+from baryscope.estimator.orbits.error import InexactOrbitPath
+from baryscope.estimator.orbits.estimated import EstimatedOrbitPath, estimated_orbit_in, on_estimated_orbit
+from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
 from baryscope.estimator.paths.extended_path import based_on
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path, SmoothPath
+from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.process_noise import DENSITY
 from baryscope.estimator.paths.seen_path import as_seen
 from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.free_attitudes import linearised
@@ -30,9 +34,11 @@ from baryscope.models.errors import ComputationError, InputError
 
 FloatArray = NDArray[np.float64]
 
+MOTION = 6  # unknowns of a relative motion on a given orbit
 CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
 MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
+UNTOLD = 0.01  # of the distance: J2 moves the target against the chaser by as much, 3 J2 of it in a radian
 BY_CHANCE = 5.0  # deviations of the noise of a sum of squares, from one place to that where it is least
 
 
@@ -62,15 +68,15 @@ def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]
 
     Near the smooth path it is known how likely the orbit is, but where most of what the tracks tell there is spurious:
     then the path follows noise of the attitudes, as none on an orbit could, and the orbit is sought without that, too.
+    Where the path lies on none, it may do so but for process noise.
     """
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
         return
     if found.slip > 0 or found.path_unknowns <= CUBIC:
         return
-    theta = found.posterior.theta
-    linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
-    fit, spurious = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)]), False
+    linear, prior, theta = scaled(found.problem, found.variance), found.path.prior, found.posterior.theta
+    fit, spurious = _likeliest(linear, prior, theta, smooth), False
     if fit is None or fit.gain < DECISIVE:
         spurious = found.shown_spurious_share >= SPURIOUS
         told = by_smooth_rotation(found, smooth) if spurious else None
@@ -79,13 +85,34 @@ def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]
             yield other
     if fit is not None and (fit.gain >= DECISIVE or spurious):
         yield fit
+        return
+    if (index := prior.index(DENSITY)) is not None:
+        noisy = theta.copy()
+        noisy[index] = max(theta[index], np.log(_density_of_oblateness(found, smooth)))
+        other, price = _likeliest(linear, prior, noisy, smooth), cost(linear, prior, noisy) - cost(linear, prior, theta)
+        if other is not None and other.gain - price >= DECISIVE:
+            yield other
+
+
+def _likeliest(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, smooth: SmoothPath) -> OrbitFit | None:
+    """The likeliest orbit beside the other unknowns of a path, for hyperparameters (h,), of which the smooth path's are
+    the first.
+    """
+    own = of_first(linear, prior, theta, smooth.size)
+    return likeliest_orbit(own, smooth, theta[: len(smooth.prior.hyperparameters)])
+
+
+def _density_of_oblateness(found: PivotSolution, smooth: SmoothPath) -> float:
+    """The density q in m²/s³ of noise that displaces a path as the Earth's J2 does: by √(q T³/3) in time T."""
+    distance = np.linalg.norm(found.sampled.itself.position(found.solution.x), axis=1)
+    return 3 * float(np.mean((UNTOLD * distance) ** 2)) / (smooth.end - smooth.begin) ** 3
 
 
 def _refined_on(
     fit: OrbitFit, found: PivotSolution, start: InitialSolution, options: PathOptions
 ) -> tuple[PivotSolution, InitialSolution]:
-    """The solution with the orbit's elements among the unknowns, about which the path is linearised until they are
-    near, and its start.
+    """The solution with the orbit's elements among the unknowns, and its start; with the Earth's J2 where that explains
+    what else would be process noise.
 
     Raises:
         ComputationError: it diverges.
@@ -95,18 +122,75 @@ def _refined_on(
     assert smooth is not None  # noqa: S101  on which the orbit was found
     others = found.solution.x[smooth.size :]
     at = replace(found, solution=found.solution.moved_to(np.concatenate([fit.coefficients, others])))
-    elements, of_motion = fit.elements, fit.x
+    near = _Near(fit.elements, np.concatenate([fit.x, others]), at)
+    plain, fresh = _linearised_anew(near, found.path, start, options)
+    if plain.converged and not plain.has(DENSITY):
+        return plain, fresh
+    near = _Near.of(plain, fresh.path)
+    try:
+        oblate, other = _linearised_anew(near, found.path, start, options, oblate=True)
+    except (ComputationError, InputError):
+        return plain, fresh
+    likelier = oblate.converged and not (plain.converged and gain_over(plain, oblate, start) < DECISIVE)
+    return (oblate, other) if likelier else (plain, fresh)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Where a path on an orbit is linearised: the elements, the unknowns x (p,) but for the departures from these, and
+    a solution near.
+    """
+
+    elements: LocalElements
+    x: FloatArray
+    solution: PivotSolution
+
+    @classmethod
+    def of(cls, found: PivotSolution, path: Path) -> "_Near":
+        """At a solution, with the unknowns of the path from which it was found, that may have fewer modes."""
+        orbital = estimated_orbit_in(path)
+        assert orbital is not None  # noqa: S101  as every one that is linearised anew has one
+        return cls(orbital.moved(found.solution.x), np.delete(found.solution.x[: path.size], orbital.own), found)
+
+
+def _linearised_anew(
+    near: _Near, smooth: Path, start: InitialSolution, options: PathOptions, *, oblate: bool = False
+) -> tuple[PivotSolution, InitialSolution]:
+    """The solution with the elements among the unknowns, about which the path is linearised until they are near, and
+    its start; smooth: the path in which an orbit takes the place of the smooth part; oblate: with the Earth's J2.
+
+    Raises:
+        ComputationError: it diverges, or the orbit under J2 is not the Earth's.
+        InputError: it leads to an orbit that is none.
+    """
+    part = smooth_in(smooth)
+    assert part is not None  # noqa: S101  on which the orbit was found
     for _ in range(MOST_LINEARISED):
-        base = on_estimated_orbit(elements, of_motion, smooth.begin, smooth.end)
-        path, x = based_on(found.path, base), np.concatenate([of_motion, np.zeros(len(NAMES)), others])
+        orbital = on_estimated_orbit(near.elements, near.x[:MOTION], part.begin, part.end)
+        base = _oblate(orbital, near.solution) if oblate else orbital
+        x = np.insert(near.x, [MOTION] * len(NAMES), 0.0)
+        if oblate and oblateness_in(near.solution.path) is None:
+            x = np.insert(x, orbital.size, 0.0)
+        path = based_on(smooth, base)
         fresh = replace(start.on(path, interpolated(path.at, path.frequency, start.time), x), slips=False)
-        at = refined(fresh.near(at), options)
-        departures = base.factors(at.solution.x, at.variance * at.solution.covariance)
+        found = refined(fresh.near(near.solution), options)
+        departures = orbital.factors(found.solution.x, found.variance * found.solution.covariance)
         if all(abs(one.value) <= NEAR * one.deviation for one in departures):
             break
-        elements = base.moved(at.solution.x)
-        of_motion, _, others = np.split(at.solution.x[: path.size], [len(fit.x), base.size])
-    return at, fresh
+        near = _Near.of(found, path)
+    return found, fresh
+
+
+def _oblate(orbital: EstimatedOrbitPath, near: PivotSolution) -> InexactOrbitPath:
+    """The path on an orbit with the Earth's J2, which changes the gravity gradient on that of a solution near.
+
+    Raises:
+        ComputationError: the orbit is not the Earth's.
+    """
+    force = oblateness_on(orbital.orbit, near.position, (orbital.begin, orbital.end))
+    if force is None:
+        raise ComputationError("the orbit is not the Earth's")
+    return InexactOrbitPath(orbital, force, orbital.begin, orbital.end, True, float(force.deviations[0]))
 
 
 def _gain_there(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:
@@ -123,8 +207,7 @@ def _gain_there(found: PivotSolution, other: PivotSolution, start: InitialSoluti
     problem = linearised(other.bodies, other.observations, sampled, x, other.shifts, other.offset_information)
     linear = scaled(problem, other.variance)
     theta = maximise(linear, path.prior)
-    own = of_first(linear, path.prior, theta, smooth.size)
-    fit = likeliest_orbit(own, smooth, theta[: len(smooth.prior.hyperparameters)])
+    fit = _likeliest(linear, path.prior, theta, smooth)
     return -np.inf if fit is None else fit.gain
 
 

@@ -197,7 +197,8 @@ def test_what_is_not_told_anyway_is_not_announced():
 def test_attitudes_of_few_frames_feign_nothing_for_those_of_many():
     """Two bodies of one path, of one of which hardly an attitude is right."""
     case = drawn(124, 18)
-    found = solve_pivot(sampled(case).tracks, None, PathOptions(sigma=case.sensor.noise if case.sensor.told else None))
+    sigma = case.sensor.noise if case.sensor.told else None
+    found = solve_pivot(sampled(case).tracks, None, PathOptions(trajectory="polynomial", sigma=sigma))
     assert found.shown_spurious_share > 1
     main = int(np.argmax([len(body.frames) for body in found.bodies]))
     assert found.shown_spurious_share_of(main, np.eye(3)) < 0.1
