@@ -37,7 +37,6 @@ IntArray = NDArray[np.intp]
 FEWEST_CELLS, MOST_CELLS, FRAMES_PER_CELL = 8, 128, 4
 LONGEST = 1 / 6  # of the span, that a burn lasts
 LONGEST_WITHOUT_ORBIT = 200.0  # s, in which no orbit about the Earth turns by more than 0.35 rad, even at its periapsis
-QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
 NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
 BENT = 0.1  # of the deviation of a mean of all frames: what the path may be off by, where it is linear in the burns
 SETTLING = 8  # fits of the burns' times
@@ -204,23 +203,11 @@ class BurnEquations:
         """The unknowns (p,) of the path in a fit."""
         return fit.mean[self.offsets : self.offsets + self.base.size]
 
-    def duration_cost(self, burns: tuple[Burn, ...], fit: BurnFit) -> float:
-        """−2 ln p of burns up to a constant, with their durations as they are, all else at its maximum near a fit."""
-        matrix, rhs, total = self._equations(burns, fit.bend)
-        u = len(self.others.offset)
-        durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
-        x = fit.mean.copy()
-        x[durations] = 0.0
-        precision = held(GaussianLikelihood(matrix / fit.variance, rhs, x), self.whole_prior(burns), fit.theta)[0]
-        gone = durations
-        if not self._noisy(fit):
-            gone = np.append(durations, np.arange(len(x) - 3 * self.cells, len(x)))
-            x[gone] = 0.0
-        kept = np.setdiff1d(np.arange(len(x)), gone)
-        squares = float(total - 2 * rhs @ x + x @ matrix @ x) / fit.variance + float(precision @ (x * x))
-        right = ((rhs - matrix @ x) / fit.variance - precision * x)[kept]
-        known = (matrix / fit.variance + np.diag(precision))[np.ix_(kept, kept)]
-        return squares - float(right @ solved(known, right[:, None])[:, 0])
+    def duration_costs(self, others: tuple[Burn, ...], tried: tuple[Burn, ...], fit: BurnFit) -> FloatArray:
+        """−2 ln p (t,) of burns with each of those that are tried, up to a constant, with their durations as they are,
+        variance and hyperparameters those of a fit, and all else at its maximum.
+        """
+        return _WithNoise(self, fit.variance, fit.theta).duration_costs(others, tried, fit.bend)
 
     def known(self, fit: BurnFit) -> FloatArray:
         """The information on offsets, path and burns of a fit without noise, for known cells, and that of the prior."""
@@ -233,11 +220,6 @@ class BurnEquations:
         known = self.known(fit)
         quiet = solved(known, np.eye(len(known))[:, own])[own]
         return float(np.sqrt(np.trace(fit.covariance[own, own]) / np.trace(quiet)))
-
-    def _noisy(self, fit: BurnFit) -> bool:
-        """Whether the noise of a fit has an effect."""
-        most = float(np.diag(fit.matrix)[-3 * self.cells :].max()) / fit.variance
-        return bool(self.width < QUIET * most * fit.density)
 
     @cached_property
     def _weighted(self) -> FloatArray:
@@ -324,17 +306,34 @@ class _WithNoise:
 
     def posterior(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean (k,) and covariance (k, k) of the unknowns of the burns, and the mean (p,) of the path's."""
+        told, right, alone = self._of_burns(burns, bend)
+        covariance = solved(told, np.eye(len(told)))
+        mean = covariance @ right
+        first = self.equations.offsets
+        path = (alone[:, -1] - alone[:, :-1] @ mean)[first : first + self.equations.base.size]
+        return mean, covariance, path
+
+    def duration_costs(self, others: tuple[Burn, ...], tried: tuple[Burn, ...], bend: FloatArray | None) -> FloatArray:
+        """See `BurnEquations.duration_costs`."""
+        told, right, _ = self._of_burns((*others, *tried), bend)
+        kept = np.arange(len(told)).reshape(-1, UNKNOWNS)[:, :-1]
+        first, costs = kept[: len(others)].ravel(), []
+        for own in kept[len(others) :]:
+            index = np.concatenate([first, own])
+            costs.append(-float(right[index] @ solved(told[np.ix_(index, index)], right[index, None])[:, 0]))
+        return np.array(costs)
+
+    def _of_burns(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The information (k, k) on the unknowns of burns with that of their prior, its right-hand side (k,), and all
+        other unknowns as they were without burns, by the burns' and by what is observed, (o, k + 1).
+        """
         equations = self.equations
         part = equations.of_burns(burns, bend)
         right = np.column_stack([part.cross.T, part.others]) / self.variance
         alone = np.asarray(dpotrs(self._factor, right, lower=True)[0])
         told = (part.own - part.cross @ alone[:, :-1]) / self.variance
         told.flat[:: len(told) + 1] += 1 / equations.burned(burns).variances
-        covariance = solved((told + told.T) / 2, np.eye(len(told)))
-        mean = covariance @ ((part.rhs - part.cross @ alone[:, -1]) / self.variance)
-        first = equations.offsets
-        path = (alone[:, -1] - alone[:, :-1] @ mean)[first : first + equations.base.size]
-        return mean, covariance, path
+        return (told + told.T) / 2, (part.rhs - part.cross @ alone[:, -1]) / self.variance, alone
 
 
 def burn_equations(posed: Posed, time: FloatArray, base: Path, about: FloatArray, orbit: Orbit | None) -> BurnEquations:

@@ -109,8 +109,8 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
             continue
         step = min(most, burn.duration + RANGE * deviation) / DURATIONS
         durations = step * (np.arange(DURATIONS) + 0.5)
-        tried = [replace(burn, begin=middle - one / 2, end=middle + one / 2, slack=flat) for one in durations]
-        costs = np.array([equations.duration_cost((*burns[:index], one, *burns[index + 1 :]), fit) for one in tried])
+        tried = tuple(replace(burn, begin=middle - one / 2, end=middle + one / 2, slack=flat) for one in durations)
+        costs = equations.duration_costs((*burns[:index], *burns[index + 1 :]), tried, fit)
         weight = np.exp(-(costs - costs.min()) / 2)
         weight /= weight.sum()
         mean = float(weight @ durations)
