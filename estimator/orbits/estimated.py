@@ -91,6 +91,12 @@ def estimated_orbit_in(path: Path) -> EstimatedOrbitPath | None:
     return next((part for part in parts_of(path) if isinstance(part, EstimatedOrbitPath)), None)
 
 
+def acting_orbit(told: Orbit | None, path: Path) -> Orbit | None:
+    """The orbit whose gravity acts on a path: the one that the tracks tell, or that is given; None if there is none."""
+    estimated = estimated_orbit_in(path)
+    return told if estimated is None else estimated.orbit
+
+
 def estimated_orbit(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[EstimatedOrbit, ...]:
     """The finding of the orbit that a path lies on, if the tracks tell it.
 

@@ -23,7 +23,7 @@ from baryscope.estimator.orbits.error import (
     inexact_parts,
     orbit_error,
 )
-from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.orbits.estimated import acting_orbit, estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
 from baryscope.estimator.paths.forces import Force, ForcedPath, constant_of
@@ -54,7 +54,7 @@ def with_errors_of_orbit(
     the tracks are likelier with it, it is among the unknowns, too.
     """
     path, estimated = found.path, estimated_orbit_in(found.path)
-    orbit = orbit if estimated is None else estimated.orbit
+    orbit = acting_orbit(orbit, path)
     if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return found
     parts = []
@@ -63,7 +63,8 @@ def with_errors_of_orbit(
         if oblateness is not None:
             beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
             excess = beside.excess(1.0)
-            if (shown := excess <= -DECISIVE) or (excess < DECISIVE and beside.matters(1.0)):
+            if excess < DECISIVE:  # it matters ahead, if not in the tracks
+                shown = excess <= -DECISIVE
                 parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
     elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
         told = orbit.accuracy is not None

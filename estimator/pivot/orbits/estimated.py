@@ -1,7 +1,7 @@
 """An orbit that is not given, where the path tells it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.elements import NAMES, LocalElements
+from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.error import InexactOrbitPath
 from baryscope.estimator.orbits.estimated import EstimatedOrbitPath, estimated_orbit_in, on_estimated_orbit
 from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
 from baryscope.estimator.paths.extended_path import based_on
+from baryscope.estimator.paths.forces import Force
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path, SmoothPath
 from baryscope.estimator.paths.prior import Prior
@@ -34,7 +35,6 @@ from baryscope.models.errors import ComputationError, InputError
 
 FloatArray = NDArray[np.float64]
 
-MOTION = 6  # unknowns of a relative motion on a given orbit
 CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
 MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
@@ -122,75 +122,108 @@ def _refined_on(
     assert smooth is not None  # noqa: S101  on which the orbit was found
     others = found.solution.x[smooth.size :]
     at = replace(found, solution=found.solution.moved_to(np.concatenate([fit.coefficients, others])))
-    near = _Near(fit.elements, np.concatenate([fit.x, others]), at)
-    plain, fresh = _linearised_anew(near, found.path, start, options)
+    orbital = on_estimated_orbit(fit.elements, fit.x, smooth.begin, smooth.end)
+    x = np.concatenate([fit.x, np.zeros(len(NAMES)), others])
+    plain, fresh = _until_near(based_on(found.path, orbital), x, at, start, options)
     if plain.converged and not plain.has(DENSITY):
         return plain, fresh
-    near = _Near.of(plain, fresh.path)
     try:
-        oblate, other = _linearised_anew(near, found.path, start, options, oblate=True)
+        oblate, other = _with_oblateness(plain, fresh, options)
     except (ComputationError, InputError):
         return plain, fresh
     likelier = oblate.converged and not (plain.converged and gain_over(plain, oblate, start) < DECISIVE)
     return (oblate, other) if likelier else (plain, fresh)
 
 
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """Where a path on an orbit is linearised: the elements, the unknowns x (p,) but for the departures from these, and
-    a solution near.
-    """
-
-    elements: LocalElements
-    x: FloatArray
-    solution: PivotSolution
-
-    @classmethod
-    def of(cls, found: PivotSolution, path: Path) -> "_Near":
-        """At a solution, with the unknowns of the path from which it was found, that may have fewer modes."""
-        orbital = estimated_orbit_in(path)
-        assert orbital is not None  # noqa: S101  as every one that is linearised anew has one
-        return cls(orbital.moved(found.solution.x), np.delete(found.solution.x[: path.size], orbital.own), found)
-
-
-def _linearised_anew(
-    near: _Near, smooth: Path, start: InitialSolution, options: PathOptions, *, oblate: bool = False
+def _with_oblateness(
+    found: PivotSolution, start: InitialSolution, options: PathOptions
 ) -> tuple[PivotSolution, InitialSolution]:
-    """The solution with the elements among the unknowns, about which the path is linearised until they are near, and
-    its start; smooth: the path in which an orbit takes the place of the smooth part; oblate: with the Earth's J2.
+    """The solution with the Earth's J2 on an estimated orbit, and its start.
 
     Raises:
-        ComputationError: it diverges, or the orbit under J2 is not the Earth's.
+        ComputationError: it diverges, or the orbit is not the Earth's.
         InputError: it leads to an orbit that is none.
     """
-    part = smooth_in(smooth)
-    assert part is not None  # noqa: S101  on which the orbit was found
+    orbital = estimated_orbit_in(start.path)
+    assert orbital is not None  # noqa: S101  on which it was found
+    force = _of_oblateness(orbital, found)
+    oblate = InexactOrbitPath(orbital, force, orbital.begin, orbital.end, True, float(force.deviations[0]))
+    x = np.insert(found.solution.x[: start.path.size], orbital.size, 0.0)
+    return _until_near(based_on(start.path, oblate, orbital), x, found, start, options)
+
+
+def linearised_anew(
+    found: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution] | None:
+    """The solution on an estimated orbit, linearised about its own elements, and its start; None where there is no
+    such orbit, or it leads to none.
+    """
+    if estimated_orbit_in(start.path) is None:
+        return None
+    try:
+        again = _until_near(start.path, found.solution.x[: start.path.size], found, start, options)
+    except (ComputationError, InputError):
+        return None
+    return again if again[0].converged else None
+
+
+def _until_near(
+    path: Path, x: FloatArray, near: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution]:
+    """The solution with the elements of an orbit among the unknowns, about which the path is linearised until they are
+    near, and its start.
+
+    x (p,): unknowns of the path, near: a solution there.
+
+    Raises:
+        ComputationError: it diverges.
+        InputError: it leads to an orbit that is none.
+    """
     for _ in range(MOST_LINEARISED):
-        orbital = on_estimated_orbit(near.elements, near.x[:MOTION], part.begin, part.end)
-        base = _oblate(orbital, near.solution) if oblate else orbital
-        x = np.insert(near.x, [MOTION] * len(NAMES), 0.0)
-        if oblate and oblateness_in(near.solution.path) is None:
-            x = np.insert(x, orbital.size, 0.0)
-        path = based_on(smooth, base)
+        path, x = _about_elements_of(path, x, near)
         fresh = replace(start.on(path, interpolated(path.at, path.frequency, start.time), x), slips=False)
-        found = refined(fresh.near(near.solution), options)
-        departures = orbital.factors(found.solution.x, found.variance * found.solution.covariance)
+        near = refined(fresh.near(near), options)
+        x = near.solution.x[: path.size]  # it may have more modes of noise
+        orbital = estimated_orbit_in(path)
+        assert orbital is not None  # noqa: S101  as it was put there
+        departures = orbital.factors(x, near.variance * near.solution.covariance)
         if all(abs(one.value) <= NEAR * one.deviation for one in departures):
             break
-        near = _Near.of(found, path)
-    return found, fresh
+    return near, fresh
 
 
-def _oblate(orbital: EstimatedOrbitPath, near: PivotSolution) -> InexactOrbitPath:
-    """The path on an orbit with the Earth's J2, which changes the gravity gradient on that of a solution near.
+def _about_elements_of(path: Path, x: FloatArray, near: PivotSolution) -> tuple[Path, FloatArray]:
+    """The path on an orbit of the elements that unknowns x (p,) have, and those of it at the same place.
+
+    J2, if it acts, does so on that orbit, and changes the gravity gradient on the path of a solution near.
+
+    Raises:
+        ComputationError: J2 acts, but the orbit is not the Earth's.
+    """
+    orbital = estimated_orbit_in(path)
+    assert orbital is not None  # noqa: S101  see `_until_near`
+    if not x[orbital.own].any():
+        return path, x
+    again = on_estimated_orbit(orbital.moved(x), x[: orbital.base.size], orbital.begin, orbital.end)
+    there = x.copy()
+    there[orbital.own] = 0.0
+    path = based_on(path, again, orbital)
+    oblate = oblateness_in(path)
+    if oblate is not None:
+        path = based_on(path, replace(oblate, force=_of_oblateness(again, near)), oblate)
+    return path, there
+
+
+def _of_oblateness(orbital: EstimatedOrbitPath, near: PivotSolution) -> Force:
+    """What the Earth's J2 does on an orbit, to the path of a solution near.
 
     Raises:
         ComputationError: the orbit is not the Earth's.
     """
     force = oblateness_on(orbital.orbit, near.position, (orbital.begin, orbital.end))
     if force is None:
-        raise ComputationError("the orbit is not the Earth's")
-    return InexactOrbitPath(orbital, force, orbital.begin, orbital.end, True, float(force.deviations[0]))
+        raise ComputationError("an orbit that is not the Earth's has no J2 of hers")
+    return force
 
 
 def _gain_there(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:

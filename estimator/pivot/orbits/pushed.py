@@ -17,12 +17,14 @@ from baryscope.estimator.hyperparameters.evidence import (
     solved,
 )
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.estimated import acting_orbit
 from baryscope.estimator.orbits.push import PUSH, UnknownPushPath, unknown_push_in, with_any_push
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, refined_on, start_on
+from baryscope.estimator.pivot.orbits.estimated import linearised_anew
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, SIGNIFICANT, PivotSolution
 from baryscope.estimator.pivot.reduced import fixed_at
@@ -42,12 +44,12 @@ def with_push(
     them in any of the axes that are looked at. Where they show process noise, and none is left beside a push, something
     acts anyway: then ten times as likely is enough.
     """
-    path, none = found.path, (found, start)
-    if orbit is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
+    path, acting, none = found.path, acting_orbit(orbit, found.path), (found, start)
+    if acting is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return none
     if options.constant_acceleration != "none" or path.density is not None or unknown_push_in(path) is not None:
         return none
-    pushes = with_any_push(path.base, orbit, path.begin, path.end)
+    pushes = with_any_push(path.base, acting, path.begin, path.end)
     noisy, price = found.has(DENSITY), 2 * float(np.log(len(pushes)))
     likeliest = _likeliest(found, path, pushes, price + (DECISIVE if noisy else SIGNIFICANT))
     pushed = None if likeliest is None else refined_on(likeliest, path, found, start, options)
@@ -58,7 +60,8 @@ def with_push(
     corrected = corrected_for_orbit(found, orbit, start, options)
     if corrected is not None and gain_over(corrected, pushed, start) <= 0:
         return none
-    return pushed, start_on(likeliest, path, found, start)
+    fresh = start_on(likeliest, path, found, start)
+    return linearised_anew(pushed, fresh, options) or (pushed, fresh)
 
 
 def push_in(found: PivotSolution, base: Path) -> UnknownPushPath | None:
