@@ -91,25 +91,27 @@ static void refresh(Online *filter, int begin, int end, double highest) {
     }
 }
 
-/* Weights against the best's. One that has jumped and is far less likely than the best ends. And the mean density of those whose path does not bend, in the
-   logarithm, and by which the large filter goes: where no orbit is told also by what gravity's bends amount to, in the mean over all members: the large filter
-   takes the path for straight, and learns of a bend that it does not allow for an offset of the map. */
+/* Weights against the best's. One that has jumped and is far less likely than the best ends. And of the members whose path does not bend the mean density, in the
+   logarithm; and by which density the large filter goes: the mean itself over all members, by which the path is as uncertain as their mixture, where no orbit is told with
+   what gravity's bends amount to. By less, while more is possible, the large filter would learn of a path that it takes for too smooth an offset of the map, and tell all
+   members. What has become so unlikely that it goes on from the best counts for nothing. */
 static void weigh_members(Online *filter) {
     const int untold = filter->options.on_orbit == 0.0;
-    double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0, all = 0.0, bent = 0.0;
+    const double highest = filter->bank[likeliest(filter->bank)].weight, least = exp(UNLIKELY);
+    double sum = 0.0, mean = 0.0, all = 0.0, allowed = 0.0;
     for (int begin = 0, end; begin < count_of(filter); begin = end) refresh(filter, begin, end = end_of_kind(filter, begin), highest);
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
         member->weight -= highest;
-        double w = exp(member->weight);
-        all += w;
-        if (untold && is_of_gravity((int)member->steady)) bent += w * straightened(member);
-        if (!is_bending(member)) sum += w, mean += w * log(process_noise_of((int)member->steady).white);
+        const double w = exp(member->weight), density = process_noise_of((int)member->steady).white;
+        all += w, allowed += fmax(w - least, 0.0) * density;
+        if (untold && is_of_gravity((int)member->steady)) allowed += w * straightened(member);
+        if (!is_bending(member)) sum += w, mean += w * log(density);
     }
     filter->density = exp(mean / sum);
-    filter->allowed = filter->density + bent / all;
+    filter->allowed = fmax(allowed / all, filter->density);
 }
 
 /* A node updates those members abreast that there are; `fresh` has jumped there. 0 where rounding has left a covariance indefinite. */
