@@ -22,17 +22,21 @@ static double unseen_factor(const Measurement *measurement, double density) {
 }
 
 /* M (1 + P M)^-1: information M, what a node seems to show where the path has white noise of a density, is taken from a covariance P, to first order,
-   but never more than half of it, nor what was known before the first frame: a variance of `widest`. */
-static void damped(double P[3][3], const Measurement *measurement, double density, double widest, double found[3][3]) {
-    const double(*spread)[3] = measurement->seems_spread, factor = unseen_factor(measurement, density);
-    double sum[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
-    copy(NOTHING, found);
-    if (!(part > 0.0) || !(spread[0][0] > 0.0)) return;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) sum[i][j] = spread[i][j] * factor + P[i][j];
-    if (!inverted(sum, found)) copy(NOTHING, found);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) found[i][j] *= part;
+   but never more than half of it, nor what was known before the first frame: a variance of `widest`. Of L members. */
+static ALWAYS_INLINE void damped(int L, const double *restrict P, const Measurement *measurement, const double *density, double widest,
+                                 double *restrict found) {
+    const double *spread = measurement->seems_spread[0];
+    double factor[ABREAST], sum[9 * ABREAST], sound[ABREAST];
+    for (int m = 0; m < L; m++) factor[m] = unseen_factor(measurement, density[m]);
+    for (int k = 0; k < 9; k++)
+        for (int m = 0; m < L; m++) sum[k * L + m] = spread[k] * factor[m] + P[k * L + m];
+    inverses(L, sum, found, sound);
+    for (int m = 0; m < L; m++) {
+        const double left = 1.0 - (P[m] + P[4 * L + m] + P[8 * L + m]) / (3.0 * widest);
+        factor[m] = (left > 0.0) & (spread[0] > 0.0) ? left : 0.0;
+    }
+    for (int k = 0; k < 9; k++)
+        for (int m = 0; m < L; m++) found[k * L + m] *= factor[m];
 }
 
 WIDE static void take_back(Online *filter, const Measurement *measurement) {
@@ -42,7 +46,7 @@ WIDE static void take_back(Online *filter, const Measurement *measurement) {
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;
-    damped(P, measurement, filter->allowed, filter->widest, less);
+    damped(1, P[0], measurement, &filter->allowed, filter->widest, less[0]);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     for (int i = 0; i < n; i++)
@@ -51,15 +55,13 @@ WIDE static void take_back(Online *filter, const Measurement *measurement) {
 
 /* Of the densities that L members abreast take for the path's. */
 static ALWAYS_INLINE void take_back_of(int L, int n, int bent, const Measurement *measurement, const double *density, double widest, double *restrict P) {
-    double of_offset[3][3], less[3][3], by[9 * ABREAST], G[3][ERRORS * ABREAST], MG[3][ERRORS * ABREAST];
+    double of_offset[9 * ABREAST], by[9 * ABREAST], G[3][ERRORS * ABREAST], MG[3][ERRORS * ABREAST];
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++)
             for (int m = 0; m < L; m++) G[a][j * L + m] = P[(j > OFFSET + a ? ROW(L, j, OFFSET + a) : ROW(L, OFFSET + a, j)) + m];
-    for (int m = 0; m < L; m++) {
-        for (int k = 0; k < 9; k++) of_offset[k / 3][k % 3] = G[k / 3][(OFFSET + k % 3) * L + m];
-        damped(of_offset, measurement, density[m], widest, less);
-        for (int k = 0; k < 9; k++) by[k * L + m] = less[k / 3][k % 3];
-    }
+    for (int k = 0; k < 9; k++)
+        for (int m = 0; m < L; m++) of_offset[k * L + m] = G[k / 3][(OFFSET + k % 3) * L + m];
+    damped(L, of_offset, measurement, density, widest, by);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++)
             for (int m = 0; m < L; m++)

@@ -42,18 +42,29 @@ static int is_definite(const double A[3][3]) {
     return A[0][0] > 0.0 && A[0][0] * A[1][1] - A[0][1] * A[1][0] > 0.0 && A[0][0] * c00 + A[1][0] * c01 + A[2][0] * c02 > 0.0;
 }
 
+/* The inverses of L symmetric positive definite matrices, each number of one beside the same of the others; 0, and *sound, where one is none. */
+static ALWAYS_INLINE void inverses(int L, const double *restrict A, double *restrict C, double *restrict sound) {
+    for (int m = 0; m < L; m++) {
+        const double a00 = A[m], a01 = A[L + m], a02 = A[2 * L + m], a10 = A[3 * L + m], a11 = A[4 * L + m], a12 = A[5 * L + m];
+        const double a20 = A[6 * L + m], a21 = A[7 * L + m], a22 = A[8 * L + m];
+        const double c00 = a11 * a22 - a12 * a21, c01 = a02 * a21 - a01 * a22, c02 = a01 * a12 - a02 * a11, c22 = a00 * a11 - a01 * a10;
+        const double determinant = a00 * c00 + a10 * c01 + a20 * c02, by = 1.0 / determinant;
+        const int is = (a00 > 0.0) & (c22 > 0.0) & (determinant > 0.0) & (by > 0.0) & (by < INFINITY);
+        const double f = is ? by : 0.0;
+        sound[m] = is ? 1.0 : 0.0;
+        C[m] = f * c00, C[L + m] = C[3 * L + m] = f * c01, C[2 * L + m] = C[6 * L + m] = f * c02;
+        C[4 * L + m] = f * (a00 * a22 - a02 * a20);
+        C[5 * L + m] = C[7 * L + m] = f * (a02 * a10 - a00 * a12);
+        C[8 * L + m] = f * c22;
+    }
+}
+
 /* The inverse of a symmetric positive definite matrix; 0 if it is not one. */
 static int inverted(const double A[3][3], double C[3][3]) {
-    double c00 = A[1][1] * A[2][2] - A[1][2] * A[2][1], c01 = A[0][2] * A[2][1] - A[0][1] * A[2][2],
-           c02 = A[0][1] * A[1][2] - A[0][2] * A[1][1];
-    double determinant = A[0][0] * c00 + A[1][0] * c01 + A[2][0] * c02;
-    if (!(A[0][0] > 0.0 && A[0][0] * A[1][1] - A[0][1] * A[1][0] > 0.0 && determinant > 0.0)) return 0;
-    double f = 1.0 / determinant;
-    C[0][0] = f * c00, C[0][1] = C[1][0] = f * c01, C[0][2] = C[2][0] = f * c02;
-    C[1][1] = f * (A[0][0] * A[2][2] - A[0][2] * A[2][0]);
-    C[1][2] = C[2][1] = f * (A[0][2] * A[1][0] - A[0][0] * A[1][2]);
-    C[2][2] = f * (A[0][0] * A[1][1] - A[0][1] * A[1][0]);
-    return isfinite(f) && f > 0.0;
+    double found[9], sound;
+    inverses(1, A[0], found, &sound);
+    for (int k = 0; k < 9 && sound != 0.0; k++) C[k / 3][k % 3] = found[k];
+    return sound != 0.0;
 }
 
 /* The inverse of a matrix by its cofactors; 0 if it has none. */
