@@ -68,12 +68,11 @@ static ALWAYS_INLINE void keep_members(const Abreast *members, const int kept[AB
 /* Members go on to a node, unless they have, by what has moved the path since the one before and its process noise. */
 static ALWAYS_INLINE void go_to_node_abreast(const OnlineOptions *options, const PackedMember *bank, const Measurement *measurement, Abreast *members) {
     if (measurement->since) transit_abreast(ABREAST, members->manoeuvred, members->bent, measurement->since, members->x, members->P);
-    const int thrust = members->bent ? THRUST : UNBENT - OF_THRUST;
+    NoiseAbreast noise;
     change_abreast(ABREAST, members->manoeuvred, members->bent, measurement, members->x, members->P);
-    for (int m = 0; m < members->count && measurement->since; m++) {
-        const PackedMember *member = &bank[members->at[m]];
-        add_noise_abreast(ABREAST, member->errors > MOTION ? thrust : 0, noise_of(options, member->steady), measurement->since, &members->P[m]);
-    }
+    if (!measurement->since) return;
+    for (int m = 0; m < ABREAST; m++) put_noise(noise_of(options, bank[members->at[m < members->count ? m : 0]].steady), m, &noise);
+    add_noise_abreast(ABREAST, members->manoeuvred, members->bent, &noise, measurement->since, members->P);
 }
 
 /* Members of a bank go on to a node, `there` 0, or have, and take it along a curve, or NULL; what it only seems to show is taken back. Of one that becomes less likely
@@ -87,19 +86,16 @@ WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, A
     const double *of_thrust = members->x + (bent ? THRUST : UNBENT - OF_THRUST) * ABREAST;
     if (!there) go_to_node_abreast(options, bank, measurement, members);
     innovate_abreast(ABREAST, manoeuvred, bent, measurement, members->x, members->P, e, C, B);
+    if (!separated(ABREAST, C)) return 0;
+    separate(ABREAST, 1, C, e, e + ABREAST, e + 2 * ABREAST);
     for (int m = 0; m < ABREAST; m++) {
         PackedMember *member = &bank[members->at[m < members->count ? m : 0]];
-        double own[9], off[3];
-        for (int k = 0; k < 9; k++) own[k] = C[k * ABREAST + m];
-        for (int k = 0; k < 3; k++) off[k] = e[k * ABREAST + m];
+        double off[3];
+        for (int k = 0; k < 3; k++) off[k] = e[k * ABREAST + m] * sqrt(C[4 * k * ABREAST + m]);
         density[m] = process_noise_of((int)member->steady).white;
         kept[m] = 0;
-        if (!factored(3, own)) return 0;
-        const double more = log_likelihood(own, off);
-        for (int k = 0; k < 9; k++) C[k * ABREAST + m] = own[k];
-        for (int k = 0; k < 3; k++) e[k * ABREAST + m] = off[k];
         if (m >= members->count) continue;
-        member->weight += more;
+        member->weight += log_likelihood(ABREAST, C + m, off);
         double *least = members->least[m];
         if (least && *least == -INFINITY) *least = member->weight + UNLIKELY;
         kept[m] = !least || !(member->weight < *least);

@@ -27,15 +27,16 @@ typedef struct {
 #define GRAVITY_ODDS 0.6931471805599453
 #define SPAN_OF_BENDS 100.0 /* s, about as long as features are out of sight: white acceleration of 3/4 a2 T moves a path by as much in T as an acceleration a */
 
-/* White acceleration over T s, of a covariance whose rows are `stride` numbers apart, and of which those of a row are `apart`. */
-static void add_noise(double q, double T, double *P, int stride, int apart) {
-    const double place = q * T * T * T / 3.0, both = q * T * T / 2.0, speed = q * T;
-    for (int k = 0; k < 3; k++) {
-        P[k * stride + k * apart] += place;
-        P[(3 + k) * stride + (3 + k) * apart] += speed;
-        P[k * stride + (3 + k) * apart] += both;
-        P[(3 + k) * stride + k * apart] += both;
-    }
+/* White acceleration of L members, of a density each, over T s: of covariances whose rows are `stride` numbers apart. */
+static ALWAYS_INLINE void add_noise(int L, const double *density, double T, double *P, int stride) {
+    for (int k = 0; k < 3; k++)
+        for (int m = 0; m < L; m++) {
+            const double q = density[m], both = q * T * T / 2.0;
+            P[k * stride + k * L + m] += q * T * T * T / 3.0;
+            P[(3 + k) * stride + (3 + k) * L + m] += q * T;
+            P[k * stride + (3 + k) * L + m] += both;
+            P[(3 + k) * stride + k * L + m] += both;
+        }
 }
 
 /* Of the members without a jump, m2/s3. The offset's variance goes with the density while noise of the points is small beside it: a claim of three times
@@ -78,25 +79,27 @@ enum { UNBENT = ERRORS - (MOTION - PATH_AND_MAP) };
 
 #define ROW(L, a, b) (((a) * ERRORS + (b)) * (L)) /* where a covariance of the first of L members abreast is (member.c) */
 
-/* Errors of pushes of a variance, as a part of these, in every direction alike; of one of L members abreast. */
-static void add_execution(double variance, const double pushes[3], double *P, int L) {
-    for (int k = 0; k < 3; k++) {
-        P[ROW(L, k, k)] += variance * pushes[0];
-        P[ROW(L, 3 + k, 3 + k)] += variance * pushes[1];
-        P[ROW(L, k, 3 + k)] += variance * pushes[2];
-        P[ROW(L, 3 + k, k)] += variance * pushes[2];
-    }
+/* Errors of pushes of L members, of a variance each, as a part of these, in every direction alike. */
+static ALWAYS_INLINE void add_execution(int L, const double *variance, const double pushes[3], double *P) {
+    for (int k = 0; k < 3; k++)
+        for (int m = 0; m < L; m++) {
+            P[ROW(L, k, k) + m] += variance[m] * pushes[0];
+            P[ROW(L, 3 + k, 3 + k) + m] += variance[m] * pushes[1];
+            P[ROW(L, k, 3 + k) + m] += variance[m] * pushes[2];
+            P[ROW(L, 3 + k, k) + m] += variance[m] * pushes[2];
+        }
 }
 
-/* White jerk over T s: of (r, v) and the acceleration; of one of L members abreast. */
-static void add_white_jerk(double jerk, double T, double *P, int L) {
+/* White jerk of L members over T s: of (r, v) and the acceleration. */
+static ALWAYS_INLINE void add_white_jerk(int L, const double *jerk, double T, double *P) {
     const int AT[3] = {0, 3, PATH_AND_MAP};
     const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
                                             {square * square / 8.0, square * T / 3.0, square / 2.0},
                                             {square * T / 6.0, square / 2.0, T}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) P[ROW(L, AT[i] + k, AT[j] + k)] += jerk * Q[i][j];
+            for (int k = 0; k < 3; k++)
+                for (int m = 0; m < L; m++) P[ROW(L, AT[i] + k, AT[j] + k) + m] += jerk[m] * Q[i][j];
 }
 
 /* What the large filter's errors from `first` to n are with a coordinate of the offset that the last node saw, or, the fourth, with the scale. */

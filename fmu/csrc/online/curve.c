@@ -91,7 +91,7 @@ static void update_curve(Online *filter, const Member *likely, const Measurement
     if (filter->manoeuvred == 0.0) return;
     Member member = *likely;
     if (!know_thrust(&member) || !innovation(&member, measurement, e, L, B)) return;
-    whiten_rows(1, PATH_AND_MAP, L, B);
+    separate(1, PATH_AND_MAP, L, B[0], B[1], B[2]);
     for (int p = 0; p < PRODUCTS; p++) {
         double of_map[OF_MAP];
         for (int a = 0; a < OF_MAP; a++) {
@@ -102,7 +102,8 @@ static void update_curve(Online *filter, const Member *likely, const Measurement
             e[k] = curve[k][p] + dot(measurement->offset[k], of_map) + measurement->scale[k] * of_map[SCALE - OFFSET];
             for (int j = 0; j < 3; j++) e[k] -= measurement->lag[k][j] * curve[3 + j][p];
         }
-        whitened(L, e);
+        separate(1, 1, L, &e[0], &e[1], &e[2]);
+        for (int k = 0; k < 3; k++) e[k] *= L[4 * k];
         for (int a = 0; a < PATH_AND_MAP; a++) {
             if (a >= OFFSET) curve[a][p] = of_map[a - OFFSET];
             curve[a][p] -= B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];

@@ -102,7 +102,7 @@ static void settle(Online *filter, Transition *gone) {
             if (i == j) sum += ROUNDING * sum;
             filter->P[POSITION + i][POSITION + j] = filter->P[POSITION + j][POSITION + i] = sum;
         }
-    add_noise(filter->allowed, transition.span, &filter->P[POSITION][POSITION], MOST_ERRORS, 1);
+    add_noise(1, &filter->allowed, transition.span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     add_thrust(filter, &transition, &filter->P[POSITION][POSITION], MOST_ERRORS);
     append_transition(&filter->since_node, &transition);
     filter->span += transition.span;

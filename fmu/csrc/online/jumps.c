@@ -19,7 +19,7 @@ static double jump_at(const Member *likely, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS * ABREAST], span = measurement->span;
     if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return 0.0;
     double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
-    whitened(L, e);
+    whiten(L, e);
     return dot(e, e) > GATE ? square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag)) : 0.0;
 }
 
@@ -30,7 +30,7 @@ static int add_jump(PackedMember bank[MEMBERS], int best, const Member *likely, 
     for (int m = STEADY; m < MEMBERS; m++)
         if (m != best && (found < 0 || bank[m].weight < bank[found].weight)) found = m;
     Member from = *likely;
-    add_noise(density, span, &from.P[0][0], ERRORS, 1);
+    add_noise(1, &density, span, &from.P[0][0], ERRORS);
     from.weight += JUMP;
     pack_member(&from, &bank[found]);
     return found;
@@ -154,7 +154,7 @@ static void note_likeliest(Online *filter, const Member *likely, const Measureme
     double e[3], L[9], B[3][ERRORS * ABREAST];
     const int bent = process_noise_of((int)likely->steady).bend > 0.0;
     if (!innovation(likely, measurement, e, L, B)) return;
-    whitened(L, e);
+    whiten(L, e);
     if (likeliest(filter->bank) == DENSITIES - 1) filter->excess += dot(e, e) - 3.0, filter->noisiest += 1.0;
     else filter->excess = filter->noisiest = 0.0;
     if (dot(e, e) > GATE) return;
@@ -185,7 +185,7 @@ static double update_bank(Online *filter, const Measurement *measurement, int *l
     unpack_member(&filter->bank[SHADOW], &shadow);
     if (measurement->since) advance_large(filter, &shadow, measurement->since);
     add_change(&shadow, measurement);
-    add_noise(jump, measurement->span, &shadow.P[0][0], ERRORS, 1);
+    add_noise(1, &jump, measurement->span, &shadow.P[0][0], ERRORS);
     add_thrust_of_node(filter, measurement, of_shadow.noise);
     sound = update_member(&shadow, &of_shadow) && sound;
     shadow.weight = 0.0;

@@ -60,17 +60,31 @@ WIDE static void transit(Member *member, const Transition *transition) {
     transit_abreast(1, member->errors > MOTION, bends(member), transition, member->x, member->P[0]);
 }
 
-/* What process noise adds in a transition to one of L members, whose covariance is from P on, and errors of thrusters from `thrust` on; 0: it has none. */
-static void add_noise_abreast(int L, int thrust, ProcessNoise noise, const Transition *transition, double *P) {
+/* Process noise of members abreast. */
+typedef struct {
+    double white[ABREAST], jerk[ABREAST], wander[ABREAST], execution[ABREAST];
+} NoiseAbreast;
+
+static void put_noise(ProcessNoise noise, int m, NoiseAbreast *noises) {
+    noises->white[m] = noise.white, noises->jerk[m] = noise.jerk, noises->wander[m] = noise.wander, noises->execution[m] = noise.execution;
+}
+
+/* What process noise adds in a transition to L members that have errors of thrusters, or bend. */
+static ALWAYS_INLINE void add_noise_abreast(int L, int manoeuvred, int bent, const NoiseAbreast *noise, const Transition *transition, double *P) {
     const double T = transition->span;
-    add_noise(noise.white, T, P, ERRORS * L, L);
-    if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, P, L);
-    for (int k = thrust; thrust > 0 && k < thrust + OF_THRUST; k++) P[ROW(L, k, k)] += noise.wander * T;
-    if (noise.execution > 0.0) add_execution(noise.execution, transition->pushes, P, L);
+    const int thrust = bent ? THRUST : UNBENT - OF_THRUST;
+    add_noise(L, noise->white, T, P, ERRORS * L);
+    if (bent) add_white_jerk(L, noise->jerk, T, P);
+    if (!manoeuvred) return;
+    for (int k = thrust; k < thrust + OF_THRUST; k++)
+        for (int m = 0; m < L; m++) P[ROW(L, k, k) + m] += noise->wander[m] * T;
+    add_execution(L, noise->execution, transition->pushes, P);
 }
 
 static void add_process_noise(Member *member, ProcessNoise noise, const Transition *transition) {
-    add_noise_abreast(1, member->errors > MOTION ? THRUST : 0, noise, transition, member->P[0]);
+    NoiseAbreast one;
+    put_noise(noise, 0, &one);
+    add_noise_abreast(1, member->errors > MOTION, 1, &one, transition, member->P[0]);
 }
 
 static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
@@ -197,10 +211,41 @@ static ALWAYS_INLINE void innovate_abreast(int L, int manoeuvred, int bent, cons
     else innovate(L, PATH_AND_MAP, 0, measurement, x, P, e, C, B);
 }
 
-/* The same of a member, with the covariance's Cholesky factor C; 0 if there is none. */
+/* Covariances C of L members' innovations, of which the lower triangle is set, become their factors L D L', with D^-1 on the diagonal in place of ones: so there are no
+   roots, which compilers do not take together. 0 where one has none. */
+static ALWAYS_INLINE int separated(int L, double *restrict C) {
+    double unsound = 0.0;
+    for (int m = 0; m < L; m++) {
+        const double c00 = C[m], c10 = C[3 * L + m], c11 = C[4 * L + m], c20 = C[6 * L + m], c21 = C[7 * L + m], c22 = C[8 * L + m];
+        const double by0 = 1.0 / c00, l10 = c10 * by0, l20 = c20 * by0, d1 = c11 - l10 * c10, by1 = 1.0 / d1;
+        const double left = c21 - l20 * c10, l21 = left * by1, d2 = c22 - l20 * c20 - l21 * left;
+        const int sound = (c00 > 0.0) & (d1 > INDEFINITE * c11) & (d2 > INDEFINITE * c22);
+        unsound += sound ? 0.0 : 1.0;
+        C[m] = by0, C[3 * L + m] = l10, C[4 * L + m] = by1, C[6 * L + m] = l20, C[7 * L + m] = l21, C[8 * L + m] = 1.0 / d2;
+    }
+    return unsound == 0.0;
+}
+
+/* Three rows of n numbers of L members become independent by such factors. */
+static ALWAYS_INLINE void separate(int L, int n, const double *restrict C, double *restrict first, double *restrict second, double *restrict last) {
+    for (int a = 0; a < n; a++)
+        for (int m = 0; m < L; m++) {
+            const int j = a * L + m;
+            second[j] -= C[3 * L + m] * first[j];
+            last[j] -= C[6 * L + m] * first[j] + C[7 * L + m] * second[j];
+        }
+}
+
+/* Of a member. */
+static void whiten(const double C[9], double e[3]) {
+    separate(1, 1, C, &e[0], &e[1], &e[2]);
+    for (int k = 0; k < 3; k++) e[k] *= sqrt(C[4 * k]);
+}
+
+/* The same of a member, with the factors C of the covariance; 0 if there are none. */
 WIDE static int innovation(const Member *member, const Measurement *measurement, double e[3], double C[9], double B[3][ERRORS * ABREAST]) {
     innovate_abreast(1, member->errors > MOTION, bends(member), measurement, member->x, member->P[0], e, C, B);
-    return factored(3, C);
+    return separated(1, C);
 }
 
 /* B' C of three rows is added to the lower triangle of the rows from `begin` to `end` of covariances of L members, up to a width. */
@@ -228,30 +273,16 @@ static void note_innovation(const double e[3], Trend *trend) {
     for (int k = 0; k < 3; k++) trend->last[k] = e[k];
 }
 
-/* The Cholesky factor C^-1 of three rows of n errors of L members, in place. */
-static ALWAYS_INLINE void whiten_rows(int L, int n, const double *restrict C, double (*restrict B)[ERRORS * ABREAST]) {
-    double inverse[3 * ABREAST];
-    for (int k = 0; k < 3; k++)
-        for (int m = 0; m < L; m++) inverse[k * L + m] = 1.0 / C[4 * k * L + m];
-    for (int a = 0; a < n; a++)
-        for (int m = 0; m < L; m++) {
-            const double first = B[0][a * L + m] * inverse[m];
-            const double second = (B[1][a * L + m] - C[3 * L + m] * first) * inverse[L + m];
-            B[0][a * L + m] = first, B[1][a * L + m] = second;
-            B[2][a * L + m] = (B[2][a * L + m] - C[6 * L + m] * first - C[7 * L + m] * second) * inverse[2 * L + m];
-        }
-}
-
-/* The update of n errors of L members with a node: e, whitened, B of `innovate` and the Cholesky factor C. */
+/* The update of n errors of L members with a node: e, independent, B of `innovate` and the factors C. */
 static ALWAYS_INLINE void learn(int L, int n, int bent, const double *restrict e, const double *restrict C, double (*restrict B)[ERRORS * ABREAST],
                                  double *restrict x, double *restrict P) {
     double less[3][ERRORS * ABREAST], more[ERRORS * ABREAST];
-    whiten_rows(L, n, C, B);
+    separate(L, n, C, B[0], B[1], B[2]);
     for (int a = 0; a < n; a++)
         for (int m = 0; m < L; m++) {
             const int j = a * L + m;
-            for (int k = 0; k < 3; k++) less[k][j] = -B[k][j];
-            x[j] += B[0][j] * e[m] + B[1][j] * e[L + m] + B[2][j] * e[2 * L + m];
+            for (int k = 0; k < 3; k++) less[k][j] = -B[k][j] * C[4 * k * L + m];
+            x[j] -= less[0][j] * e[m] + less[1][j] * e[L + m] + less[2][j] * e[2 * L + m];
             more[j] = ROUNDING * P[ROW(L, a, a) + m];
         }
     add_products(L, n, bent, (const double(*)[ERRORS * ABREAST])less, (const double(*)[ERRORS * ABREAST])B, P);
@@ -266,20 +297,16 @@ static ALWAYS_INLINE void update_abreast(int L, int manoeuvred, int bent, const 
     else learn(L, PATH_AND_MAP, 0, e, C, B, x, P);
 }
 
-/* What an innovation e, which becomes a whitened one by the Cholesky factor C of L members' covariances, says of how likely one is. */
-static double log_likelihood(const double C[9], double e[3]) {
-    whitened(C, e);
-    return -(0.5 * dot(e, e) + log(C[0] * C[4] * C[8]));
-}
+/* What a whitened innovation says of how likely one of L members is, by the factors C. */
+static double log_likelihood(int L, const double *C, const double e[3]) { return 0.5 * (log(C[0] * C[4 * L] * C[8 * L]) - dot(e, e)); }
 
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
 WIDE static int update_member(Member *member, const Measurement *measurement) {
     const int manoeuvred = member->errors > MOTION, bent = bends(member);
     double e[3], C[9], B[3][ERRORS * ABREAST];
     innovate_abreast(1, manoeuvred, bent, measurement, member->x, member->P[0], e, C, B);
-    if (!factored(3, C)) return 0;
-    member->weight += log_likelihood(C, e);
-    note_innovation(e, &member->trend);
+    if (!separated(1, C)) return 0;
+    separate(1, 1, C, &e[0], &e[1], &e[2]);
     update_abreast(1, manoeuvred, bent, e, C, B, member->x, member->P[0]);
     return 1;
 }

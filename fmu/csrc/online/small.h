@@ -80,12 +80,14 @@ static int inverse_of(const double A[3][3], double C[3][3]) {
 /* Of a variance, what rounding may make of it in an update, and more: so much is added, and covariances stay definite. */
 #define ROUNDING 1e-12
 
+#define INDEFINITE 1e-13 /* what is left of a variance where others are known: less is rounding */
+
 /* The lower Cholesky factor in place; 0 if there is none. */
 static int factored(int n, double *A) {
     for (int j = 0; j < n; j++) {
         double d = A[j * n + j];
         for (int k = 0; k < j; k++) d -= A[j * n + k] * A[j * n + k];
-        if (!(d > 1e-13 * A[j * n + j])) return 0;
+        if (!(d > INDEFINITE * A[j * n + j])) return 0;
         d = sqrt(d);
         A[j * n + j] = d;
         const double inverse = 1.0 / d;

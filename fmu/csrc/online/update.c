@@ -43,7 +43,8 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     add_thrust_of_node(filter, measurement, common);
     measurement->span = filter->span;
     find_seeming(pose->R, measurement);
-    add_noise(update_bank(filter, measurement, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS, 1);
+    const double jump = update_bank(filter, measurement, &late);
+    add_noise(1, &jump, filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
         if (frame->passage[i].swept != 0.0) first = RATE;
