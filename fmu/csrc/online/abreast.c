@@ -5,6 +5,7 @@ typedef struct {
     int count, at[ABREAST]; /* their places in the bank */
     double *least[ABREAST]; /* of each, how likely it has to become to be kept; -INFINITY, and it is found by the first of them; or NULL */
     int manoeuvred, bent;   /* some of them have errors of thrusters, or bend */
+    double off[3], square;  /* what a node is not where the first of them predicts it, whitened; and its square in m2 */
     double x[ERRORS * ABREAST], P[ERRORS * ERRORS * ABREAST];
 } Abreast;
 
@@ -87,11 +88,13 @@ WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, A
     if (!there) go_to_node_abreast(options, bank, measurement, members);
     innovate_abreast(ABREAST, manoeuvred, bent, measurement, members->x, members->P, e, C, B);
     if (!separated(ABREAST, C)) return 0;
+    members->square = e[0] * e[0] + e[ABREAST] * e[ABREAST] + e[2 * ABREAST] * e[2 * ABREAST];
     separate(ABREAST, 1, C, e, e + ABREAST, e + 2 * ABREAST);
     for (int m = 0; m < ABREAST; m++) {
         PackedMember *member = &bank[members->at[m < members->count ? m : 0]];
         double off[3];
         for (int k = 0; k < 3; k++) off[k] = e[k * ABREAST + m] * sqrt(C[4 * k * ABREAST + m]);
+        for (int k = 0; k < 3 && m == 0; k++) members->off[k] = off[k];
         density[m] = process_noise_of((int)member->steady).white;
         kept[m] = 0;
         if (m >= members->count) continue;

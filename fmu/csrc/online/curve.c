@@ -84,12 +84,14 @@ static int know_thrust(Member *member) {
     return 1;
 }
 
-/* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member, which has seen the change,
+/* What a node tells of the curve: that it is straight where it is seen, by the gain that the likeliest member
    has for given thrusters. */
-static void update_curve(Online *filter, const Member *likely, const Measurement *measurement) {
+static void update_curve(Online *filter, const Measurement *measurement) {
     double(*curve)[PRODUCTS] = filter->curve, e[3], L[9], B[3][ERRORS * ABREAST];
     if (filter->manoeuvred == 0.0) return;
-    Member member = *likely;
+    Member member;
+    unpack_member(&filter->bank[likeliest(filter->bank)], &member);
+    go_to_node(&filter->options, &member, measurement);
     if (!know_thrust(&member) || !innovation(&member, measurement, e, L, B)) return;
     separate(1, PATH_AND_MAP, L, B[0], B[1], B[2]);
     for (int p = 0; p < PRODUCTS; p++) {

@@ -7,49 +7,36 @@ once, or nodes later, then by what the mixture says. */
 #define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
 #define CLEAR 3.0   /* logarithm by which a jump is more likely than none, or one member than another, where that is clear */
 
-/* The likeliest member, and the change that comes with a node. */
-static void changed_likeliest(const Online *filter, const Measurement *measurement, Member *member) {
-    unpack_member(&filter->bank[likeliest(filter->bank)], member);
-    go_to_node(&filter->options, member, measurement);
+/* The density of white acceleration since the node before that explains where the likeliest member does not expect a node: its innovation, whitened, and the square of
+   that in m2; 0 where it may. */
+static double jump_by(const Measurement *measurement, const double off[3], double square) {
+    const double span = measurement->span, lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
+    return span > 0.0 && dot(off, off) > GATE ? square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag)) : 0.0;
 }
 
-/* The density of white acceleration since the node before that explains where the likeliest member, which has seen the change, does not
-   expect a node; 0 where it may. */
+/* The same, by the likeliest member, which has seen the change that comes with the node. */
 static double jump_at(const Member *likely, const Measurement *measurement) {
-    double e[3], L[9], B[3][ERRORS * ABREAST], span = measurement->span;
-    if (!(span > 0.0) || !innovation(likely, measurement, e, L, B)) return 0.0;
-    double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
-    whiten(L, e);
-    return dot(e, e) > GATE ? square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag)) : 0.0;
+    double e[3], C[9], B[3][ERRORS * ABREAST];
+    if (!innovation(likely, measurement, e, C, B)) return 0.0;
+    const double square = dot(e, e);
+    whiten(C, e);
+    return jump_by(measurement, e, square);
 }
 
-/* The likeliest member of a bank, `best`, as it is given, jumps by an acceleration of a density: in place of the least likely of those that have
-   jumped. Returns its number. */
-static int add_jump(PackedMember bank[MEMBERS], int best, const Member *likely, double density, double span) {
+/* Where the next one jumps, if the likeliest member is `best`: in place of the least likely of those that have jumped. */
+static int place_of_jump(const PackedMember bank[MEMBERS], int best) {
     int found = -1;
     for (int m = STEADY; m < MEMBERS; m++)
         if (m != best && (found < 0 || bank[m].weight < bank[found].weight)) found = m;
-    Member from = *likely;
-    add_noise(1, &density, span, &from.P[0][0], ERRORS);
-    from.weight += JUMP;
-    pack_member(&from, &bank[found]);
     return found;
 }
 
-/* The member that jumps at a node, or -1, by the likeliest one, which has seen the change, as
-   has that which jumps; *jump is the density of its acceleration. */
-static int jumped(Online *filter, const Member *likely, const Measurement *measurement, double *jump) {
-    const int best = likeliest(filter->bank);
-    const double density = jump_at(likely, measurement);
-    if (density == 0.0) return -1;
-    const int found = add_jump(filter->bank, best, likely, density, measurement->span);
-    Jump *to = &filter->jump[found - STEADY];
-    if (best >= STEADY) *to = filter->jump[best - STEADY];
-    else *to = (Jump){0};
-    for (int m = 0; m < STEADY && best < STEADY; m++) to->before[m] = filter->bank[m].weight;
-    to->parent = best;
-    *jump = density;
-    return found;
+/* The likeliest member of a bank, as it is given, jumps by an acceleration of a density. */
+static void add_jump(const Member *likely, double density, double span, PackedMember *to) {
+    Member from = *likely;
+    add_noise(1, &density, span, &from.P[0][0], ERRORS);
+    from.weight += JUMP;
+    pack_member(&from, to);
 }
 
 /* Members without a jump that are less likely than the most likely one, which has jumped, was before it, go on from
@@ -114,65 +101,98 @@ static void weigh_members(Online *filter) {
     filter->allowed = fmax(allowed / all, filter->density);
 }
 
-/* A node updates those members abreast that there are; `fresh` has jumped there. 0 where rounding has left a covariance indefinite. */
-static int take_those(Online *filter, Abreast *members, int fresh, const Measurement *measurement, Curve curve) {
+/* What a node showed to the likeliest member: its place, and what the node was not where it was predicted, whitened, and the square of that in m2. */
+typedef struct {
+    int best;
+    double off[3], square;
+} Shown;
+
+/* A node updates those members abreast that there are. 0 where rounding has left a covariance indefinite. */
+static int take_those(Online *filter, Abreast *members, const Measurement *measurement, Curve curve, Shown *shown) {
     if (members->count == 0) return 1;
-    const int sound = take_abreast(&filter->options, filter->bank, members, members->at[0] == fresh, measurement, curve, filter->widest);
+    const int sound = take_abreast(&filter->options, filter->bank, members, 0, measurement, curve, filter->widest);
+    for (int k = 0; k < 3 && members->at[0] == shown->best; k++) shown->off[k] = members->off[k], shown->square = members->square;
     members->count = 0;
     return sound;
 }
 
-/* A node updates all members but the shadow; likely: the likeliest, which has seen the change. The likeliest of each kind comes first, as what is far less
-   likely than that goes on from the best one anyway, and of such a member only how likely it is counts. Returns the one that jumps there, or -1;
-   0 in *sound where rounding has left a covariance indefinite. */
-static int update_members(Online *filter, const Member *likely, const Measurement *measurement, Curve curve, double *jump, int *sound) {
-    const int fresh = jumped(filter, likely, measurement, jump);
+/* A node updates all members but the shadow. The likeliest comes first, and that of each kind before the others, as what is far less likely than that goes on from the
+   best one anyway, and of such a member only how likely it is counts. 0 where rounding has left a covariance indefinite. */
+static int take_all(Online *filter, const Measurement *measurement, Curve curve, Shown *shown) {
     double least[MEMBERS];
     Abreast members;
-    members.count = 0, *sound = 1;
+    int sound = 1, of_best = 0;
+    members.count = 1, members.at[0] = shown->best;
+    for (int begin = 0, end; begin < MEMBERS; begin = end) {
+        end = end_of_kind(filter, begin), least[begin] = -INFINITY;
+        if (begin <= shown->best) of_best = begin;
+    }
+    members.least[0] = of_best < count_of(filter) ? &least[of_best] : NULL;
     for (int begin = 0, end; begin < MEMBERS; begin = end) {
         end = end_of_kind(filter, begin);
-        const int first = likeliest_of(filter->bank, begin, end), jumps = begin >= count_of(filter);
-        least[begin] = -INFINITY;
+        const int first = begin == of_best ? shown->best : likeliest_of(filter->bank, begin, end);
         for (int k = begin - 1; k < end; k++) {
             const int m = k < begin ? first : k;
-            if (k == first || !is_alive(&filter->bank[m])) continue;
-            if (members.count == ABREAST || m == fresh || (members.count > 0 && members.at[0] == fresh))
-                *sound = take_those(filter, &members, fresh, measurement, curve) && *sound;
-            members.least[members.count] = jumps ? NULL : &least[begin];
+            if (k == first || m == shown->best || !is_alive(&filter->bank[m])) continue;
+            if (members.count == ABREAST) sound = take_those(filter, &members, measurement, curve, shown) && sound;
+            members.least[members.count] = begin < count_of(filter) ? &least[begin] : NULL;
             members.at[members.count++] = m;
         }
     }
-    *sound = take_those(filter, &members, fresh, measurement, curve) && *sound;
+    return take_those(filter, &members, measurement, curve, shown) && sound;
+}
+
+/* The same, and one jumps where the likeliest member does not expect the node. Returns it, or -1; *jump is the density of its acceleration; 0 in *sound where rounding has
+   left a covariance indefinite. */
+static int update_members(Online *filter, const Measurement *measurement, Curve curve, Shown *shown, double *jump, int *sound) {
+    *shown = (Shown){.best = likeliest(filter->bank)};
+    const PackedMember from = filter->bank[shown->best];
+    const int fresh = place_of_jump(filter->bank, shown->best);
+    double weights[STEADY];
+    for (int m = 0; m < STEADY; m++) weights[m] = filter->bank[m].weight;
+    *sound = take_all(filter, measurement, curve, shown);
+    const double density = jump_by(measurement, shown->off, shown->square);
+    if (density == 0.0) return -1;
+    Member likely;
+    Abreast members;
+    Jump *to = &filter->jump[fresh - STEADY];
+    unpack_member(&from, &likely);
+    go_to_node(&filter->options, &likely, measurement);
+    add_jump(&likely, density, measurement->span, &filter->bank[fresh]);
+    if (shown->best >= STEADY) *to = filter->jump[shown->best - STEADY];
+    else *to = (Jump){0};
+    for (int m = 0; m < STEADY && shown->best < STEADY; m++) to->before[m] = weights[m];
+    to->parent = shown->best;
+    *jump = density;
+    members.count = 1, members.at[0] = fresh, members.least[0] = NULL;
+    *sound = take_abreast(&filter->options, filter->bank, &members, 1, measurement, curve, filter->widest) && *sound;
     return fresh;
 }
 
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. And how large they are since that one has the largest density: larger
    than it expects where that is too small. */
-static void note_likeliest(Online *filter, const Member *likely, const Measurement *measurement) {
-    double e[3], L[9], B[3][ERRORS * ABREAST];
-    const int bent = process_noise_of((int)likely->steady).bend > 0.0;
-    if (!innovation(likely, measurement, e, L, B)) return;
-    whiten(L, e);
-    if (likeliest(filter->bank) == DENSITIES - 1) filter->excess += dot(e, e) - 3.0, filter->noisiest += 1.0;
+static void note_likeliest(Online *filter, const Shown *shown) {
+    const int bent = is_bending(&filter->bank[shown->best]);
+    const double square = dot(shown->off, shown->off);
+    if (shown->best == DENSITIES - 1) filter->excess += square - 3.0, filter->noisiest += 1.0;
     else filter->excess = filter->noisiest = 0.0;
-    if (dot(e, e) > GATE) return;
+    if (square > GATE) return;
     if (bent > filter->likely) filter->trend = (Trend){.last = {filter->trend.last[0], filter->trend.last[1], filter->trend.last[2]}};
     filter->likely = bent;
-    note_innovation(e, &filter->trend);
+    note_innovation(shown->off, &filter->trend);
 }
 
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
    taken. */
 static double update_bank(Online *filter, const Measurement *measurement, int *late) {
     double jump = 0.0;
-    Member likely, shadow;
-    changed_likeliest(filter, measurement, &likely);
-    note_likeliest(filter, &likely, measurement);
-    update_curve(filter, &likely, measurement);
-    int sound, parent = likeliest(filter->bank);
-    int fresh = update_members(filter, &likely, measurement, filter->curve, &jump, &sound);
+    Member shadow;
+    Shown shown;
+    int sound;
+    update_curve(filter, measurement);
+    const int fresh = update_members(filter, measurement, filter->curve, &shown, &jump, &sound), parent = shown.best;
+    if (sound) note_likeliest(filter, &shown);
     int best = likeliest(filter->bank);
     const PackedMember *first = &filter->bank[best];
     const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];

@@ -32,7 +32,7 @@ static int take_measurement(const OnlineOptions *options, PackedMember bank[MEMB
     changed = member;
     add_change(&changed, measurement);
     const double density = jump_at(&changed, measurement);
-    if (density > 0.0) add_jump(bank, best, &member, density, measurement->span);
+    if (density > 0.0) add_jump(&member, density, measurement->span, &bank[place_of_jump(bank, best)]);
     Abreast members;
     members.count = 0;
     for (int m = 0; m <= MEMBERS; m++) {

@@ -52,11 +52,10 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
 /* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
 static int update_again(Online *filter, const StoredNode *stored, Measurement *measurement, double seems[3][3]) {
     double jump;
-    Member likely;
+    Shown shown;
     int sound;
     find_seeming(measurement->offset, measurement);
-    changed_likeliest(filter, measurement, &likely);
-    update_members(filter, &likely, measurement, NULL, &jump, &sound);
+    update_members(filter, measurement, NULL, &shown, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)
