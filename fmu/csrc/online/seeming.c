@@ -33,7 +33,7 @@ static ALWAYS_INLINE void damped(int L, const double *restrict P, const Measurem
     inverses(L, sum, found, sound);
     for (int m = 0; m < L; m++) {
         const double left = 1.0 - (P[m] + P[4 * L + m] + P[8 * L + m]) / (3.0 * widest);
-        factor[m] = (left > 0.0) & (spread[0] > 0.0) ? left : 0.0;
+        factor[m] = ((left > 0.0) & (spread[0] > 0.0)) ? left : 0.0;
     }
     for (int k = 0; k < 9; k++)
         for (int m = 0; m < L; m++) found[k * L + m] *= factor[m];
