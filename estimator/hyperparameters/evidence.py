@@ -83,8 +83,8 @@ def maximise(
 ) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
-    From a start (h,) only the maximum near it is found, unless ranges are to be scanned, too, but for those that are
-    NaN there, whose ranges are scanned in any case.
+    From a start (h,) the maximum near it is found, of those that are NaN there by a scan; all ranges are scanned beside
+    it if asked for.
     """
     bounds = ranges(linear, prior)
     if not len(bounds):
