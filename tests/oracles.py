@@ -183,3 +183,18 @@ def oblate_gravity(position, mu=3.986004418e14, j2=1.08262668e-3, radius=6378137
             -pull * z - k * z * (3 - 5 * z * z / square),
         ]
     )
+
+
+def fallen(orbit, place, velocity, time, gravity=oblate_gravity):
+    """The target's position and velocity (n, 6) from the chaser in inertial axes at times (n,) from 0, s: both fall by
+    a gravity, integrated together, so that errors of the steps are common.
+
+    place, velocity (3,): the chaser's in LVLH, m and m/s.
+    """
+
+    def slope(_, s):
+        return np.concatenate([s[3:6], gravity(s[:3]), s[9:], gravity(s[6:9])])
+
+    start = np.array(inertial_states(orbit, place, velocity), dtype=float).ravel()
+    found = solve_ivp(slope, (0.0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-6).y
+    return (found[:6] - found[6:]).T

@@ -50,8 +50,8 @@ def with_errors_of_orbit(
     """The solution with an error of the orbit among the unknowns, if its accuracy is told, or the tracks do not exclude
     what is likely where it is not, and the answer rests on it; likewise with a constant push.
 
-    Of an orbit that the tracks tell, the elements are unknowns already, but it has no J2. That has a known size: where
-    the tracks are likelier with it, it is among the unknowns, too.
+    Of an orbit that the tracks tell, the elements are unknowns already, but it may have no J2 yet. That has a known
+    size: unless the tracks exclude it, it is among the unknowns, too, as it matters ahead.
     """
     path, estimated = found.path, estimated_orbit_in(found.path)
     orbit = acting_orbit(orbit, path)
@@ -63,7 +63,7 @@ def with_errors_of_orbit(
         if oblateness is not None:
             beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
             excess = beside.excess(1.0)
-            if excess < DECISIVE:  # it matters ahead, if not in the tracks
+            if excess < DECISIVE:
                 shown = excess <= -DECISIVE
                 parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
     elif estimated is None and path.prior.index(ORBIT_ERROR) is None:

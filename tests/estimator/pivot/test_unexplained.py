@@ -1,11 +1,10 @@
 """A wrong orbit is found, corrected and named; a force that is not told is named; what is right is not."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from baryscope.estimator.findings import Departure, FollowsRotation, UnknownPush, UntoldOblateness, WrongOrbit
 from baryscope.estimator.methods import estimate
@@ -18,7 +17,7 @@ from baryscope.models.ephemeris.trajectory import kepler_states, lvlh_axes
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, prepared, wrong
 from baryscope.study.population.sensing import sampled
-from oracles import inertial_states, oblate_gravity
+from oracles import fallen, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
 pytestmark = pytest.mark.usefixtures("shared_pivot")
@@ -94,15 +93,9 @@ def test_drag_is_not_blamed_on_the_orbit():
 
 @cache
 def under_j2():
-    """Tracks of a revolution, and the path: the difference of two orbits by DOP853, of which errors are common."""
+    """Tracks of a revolution, and the path."""
     time = np.arange(0.0, ORBIT.period, 15.0)
-    start = np.concatenate(inertial_states(ORBIT, np.array([5.0, -20.0, 4.0]), np.array([0.0, -0.01, 0.004])))
-
-    def slope(_, s):
-        return np.concatenate([s[3:6], oblate_gravity(s[:3]), s[9:], oblate_gravity(s[6:9])])
-
-    flown = solve_ivp(slope, time[[0, -1]], start.ravel(), "DOP853", time, rtol=1e-13, atol=1e-6).y
-    com = (flown[:3] - flown[6:9]).T
+    com = fallen(ORBIT, np.array([5.0, -20.0, 4.0]), np.array([0.0, -0.01, 0.004]), time)[:, :3]
     turning = attitude(ENVISAT, np.deg2rad([0.2, 0.2, 0.6]), time)
     return make_case(time, turning, com, box_features(8, (10, 4, 4), 1), noise=0.02, seed=3).tracks, com
 
@@ -126,15 +119,9 @@ DOUBTFUL = 0.5 * np.arange(320.0)  # s, in which a target turns by a third
 
 @cache
 def path_in_doubt(oblate):
-    """A low orbit, 23 m from the chaser: the difference of two orbits by DOP853, with J2 or without."""
-    start = np.concatenate(inertial_states(ORBIT, np.array([3.0, -22.0, 5.0]), np.array([0.0, -0.007, 0.005])))
-
-    def slope(_, s):
-        own, other = (oblate_gravity(r, j2=1.08262668e-3 if oblate else 0.0) for r in (s[:3], s[6:9]))
-        return np.concatenate([s[3:6], own, s[9:], other])
-
-    flown = solve_ivp(slope, DOUBTFUL[[0, -1]], start.ravel(), "DOP853", DOUBTFUL, rtol=1e-13, atol=1e-6).y
-    return (flown[:3] - flown[6:9]).T
+    """A low orbit, 23 m from the chaser, with J2 or without."""
+    gravity = oblate_gravity if oblate else partial(oblate_gravity, j2=0.0)
+    return fallen(ORBIT, np.array([3.0, -22.0, 5.0]), np.array([0.0, -0.007, 0.005]), DOUBTFUL, gravity)[:, :3]
 
 
 @pytest.mark.parametrize("oblate", [False, True])

@@ -5,7 +5,6 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -15,7 +14,7 @@ from baryscope.estimator.orbits.push import untold_push
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.study.population.judging import of_estimate, prepared, wrong
-from oracles import inertial_states, oblate_gravity
+from oracles import fallen, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
 pytestmark = pytest.mark.usefixtures("shared_pivot")
@@ -135,14 +134,7 @@ def squared_error(found, com):
 def falling(gravity):
     """Times, and the target (n, 3) from the chaser, both of which fall in inertial axes by a gravity."""
     time = np.arange(0.0, 2000.0, 4.0)
-    target, chaser = inertial_states(ORBIT, np.array([5.0, -30.0, 4.0]), np.array([0.0, 0.01, 0.004]))
-
-    def rates(_, state):
-        return np.concatenate([state[3:6], gravity(state[:3]), state[9:], gravity(state[6:9])])
-
-    first = np.array([*target[0], *target[1], *chaser[0], *chaser[1]], dtype=float)
-    found = solve_ivp(rates, (0, time[-1]), first, "DOP853", time, rtol=1e-12, atol=1e-9)  # 7e-6 m in a step
-    return time, (found.y[:3] - found.y[6:9]).T
+    return time, fallen(ORBIT, np.array([5.0, -30.0, 4.0]), np.array([0.0, 0.01, 0.004]), time, gravity)[:, :3]
 
 
 def test_an_orbit_that_is_off_by_less_than_what_is_likely_is_allowed_for_too():

@@ -65,7 +65,7 @@ def test_a_push_that_is_not_told_is_found(method, size):
 
 @pytest.mark.parametrize(("size", "seed"), [(3e-8, 1), (3e-8, 2), (1e-7, 1)])
 def test_a_push_is_found_on_an_orbit_that_the_tracks_tell(size, seed):
-    """0.93 of a revolution without an orbit file: none was found, so that claims 1400 s ahead were a hundred metres."""
+    """0.93 of a revolution without an orbit file: none was found, as a path with a push lies on none."""
     tracks, true = flown(size, count=400, step=14.0, seed=seed)
     found = estimate(tracks)
     assert found.status is Status.GOOD

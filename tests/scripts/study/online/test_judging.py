@@ -168,7 +168,7 @@ def test_features_near_a_line_do_not_seem_to_show_the_offset():
 
 
 def test_pulses_that_show_late_do_not_pass_for_an_offset_of_the_map():
-    """Of 61 pulses of 0.4 mm/s that nobody tells the first turn shows nothing: the map was learnt along a smooth path,
-    and three frames of four, up to the last after four turns, were wrong by several times their claim.
+    """Of pulses that nobody tells the first turn shows nothing: the map was learnt along a smooth path, and frames up
+    to the last, after four turns, were wrong by several times their claim.
     """
     assert judged("population third", 2, 41)["wrong"] == 0.0
