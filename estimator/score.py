@@ -273,7 +273,7 @@ def _weights(seen: BoolArray, inliers: BoolArray, bodies: list[Body]) -> FloatAr
     """The weights (n, m) of the observations of bodies in their frames: negligible where they are no inliers."""
     weight = np.zeros(seen.shape)
     for body in bodies:
-        block = np.ix_(body.frames, body.features)
+        block = body.block
         weight[block] = np.where(seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
     return weight
 
@@ -334,7 +334,7 @@ def _lack_of_fit(registered: Registered, time: FloatArray, fit: Fit, path: str, 
 
 def _turn_covariances(body: Body, inliers: BoolArray, noise: float) -> FloatArray:
     """The covariances (n, 3, 3) of the body's attitudes in its axes, rad², for a standard deviation of a coordinate."""
-    weight = inliers[np.ix_(body.frames, body.features)].astype(np.float64)
+    weight = inliers[body.block].astype(np.float64)
     return attitude_covariances(turn_information(weight, cross_matrices(body.points)), noise**2)
 
 
@@ -344,7 +344,7 @@ def _excess_residuals(registered: Registered, inliers: BoolArray, fit: Fit, path
     for body, offset in zip(registered.bodies, fit.offsets, strict=True):
         arm = cross_matrices(offset[None])[0]
         of_turn = np.einsum("ij,kjl,il->k", arm, _turn_covariances(body, inliers, registered.noise), arm)
-        of_centroid = 3 * registered.noise**2 / inliers[np.ix_(body.frames, body.features)].sum(axis=1)
+        of_centroid = 3 * registered.noise**2 / inliers[body.block].sum(axis=1)
         expected += float(np.sum(of_turn + of_centroid))
         values += 3 * len(body.frames)
     if values < 1:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.geometry.gauge import are_in_line
@@ -105,10 +104,8 @@ def residuals_of(position: FloatArray, bodies: Sequence[Body], origin: FloatArra
     residual = np.full_like(position, np.nan)
     for body in bodies:
         image = body.places(origin)
-        frames, features = as_slice(body.frames), as_slice(body.features)
-        block = (frames, features) if isinstance(features, slice) else np.ix_(body.frames, body.features)
-        np.subtract(position[block], image, out=image)
-        residual[block] = image
+        np.subtract(position[body.block], image, out=image)
+        residual[body.block] = image
     return residual
 
 

@@ -15,7 +15,8 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
-from baryscope.estimator.adjustment.observations import Observations, as_slice
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.geometry.indices import as_slice
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import FULL, elements_of, inverted_sums, symmetric_inverses
 from baryscope.estimator.paths.sampled_path import SampledPath

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.indices import Index, IntArray, as_slice
+
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class Observations:
         """The number of observations used."""
         return int(np.count_nonzero(self.weight))
 
-    def frames(self, index: slice | IntArray) -> "Observations":
+    def frames(self, index: Index) -> "Observations":
         """The observations of some frames; a view if these are contiguous."""
         index = as_slice(index)
         precision = None if self.precision is None else self.precision[index]
@@ -48,11 +49,3 @@ class Observations:
         if self.precision is None:
             return np.asarray(np.einsum("kmi,kmi->km", residual, residual))
         return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, self.precision, residual))
-
-
-def as_slice(index: slice | IntArray) -> slice | IntArray:
-    """An index of contiguous rows as a slice, so that indexing gives a view; any other index unchanged."""
-    if isinstance(index, slice) or not len(index):
-        return index
-    first, stop = int(index[0]), int(index[-1]) + 1
-    return slice(first, stop) if stop - first == len(index) and np.all(np.diff(index) == 1) else index

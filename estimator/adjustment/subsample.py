@@ -30,7 +30,7 @@ class Subsample:
         """
         weight, count = self.observations.weight.copy(), np.ones(len(self.rows))
         for body, step in zip(self.bodies, self.steps, strict=True):
-            weight[np.ix_(body.frames, body.features)] *= step
+            weight[body.block] *= step
             count[body.frames] = np.maximum(count[body.frames], step)
         return self.observations.weighted(weight), count
 

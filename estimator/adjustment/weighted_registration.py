@@ -53,7 +53,7 @@ def with_covariances(registered: Registered, observations: Observations) -> tupl
     least = min((one.variance for one in found if one.variance > 0), default=0.0)
     for one in found:
         fitting = least / one.variance if one.variance > FAR * least else 1.0
-        weight[np.ix_(one.body.frames, one.body.features)] = fitting * one.weight
+        weight[one.body.block] = fitting * one.weight
     improved = replace(registered, bodies=tuple(one.body for one in found), origins=tuple(one.origin for one in found))
     return improved, observations.weighted(weight)
 

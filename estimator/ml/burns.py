@@ -25,5 +25,5 @@ def with_burns_of_tumble(problem: PivotProblem, pivot: PivotSolution, best: Maxi
     weight, points = np.zeros_like(problem.start.measured.weight), []
     for own, columns in zip(problem.solved.bodies, (body.features for body in pivot.bodies), strict=True):
         points.append(best.equations.points[columns])
-        weight[np.ix_(own.frames, own.features)] = best.observations.weight[np.ix_(own.frames, columns)]
+        weight[own.block] = best.observations.weight[np.ix_(own.frames, columns)]
     return problem.with_burns_of(points, seen, best.sampled.position(best.x), weight, best.residual_variance)

@@ -231,7 +231,7 @@ def common_points(pivot: PivotSolution, tumble: Tumble) -> FloatArray:
     m = pivot.observations.weight.shape[1]
     total, points = np.zeros(m), np.zeros((m, 3))
     for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
-        weight = pivot.observations.weight[np.ix_(body.frames, body.features)].sum(axis=0)
+        weight = pivot.observations.weight[body.block].sum(axis=0)
         points[body.features] += weight[:, None] * (body.points @ R_B_S.T)
         total[body.features] += weight
     return np.asarray(points / np.where(total > 0, total, 1.0)[:, None])

@@ -141,7 +141,7 @@ def frame_covariances(
         return [_of_pose(body, observations, offset) for body, offset in zip(bodies, offsets, strict=True)]
     found = []
     for body, offset in zip(bodies, offsets, strict=True):
-        w = observations.weight[np.ix_(body.frames, body.features)]
+        w = observations.weight[body.block]
         arms = cross_matrices(body.points)
         total = np.maximum(w.sum(axis=1), 1e-300)
         centroid = (w @ body.points) / total[:, None]

@@ -105,7 +105,7 @@ def with_found_attitudes(
     """
     turned, weight, better_ones = list(bodies), weight.copy(), False
     for index, body in enumerate(bodies):
-        block = np.ix_(body.frames, body.features)
+        block = body.block
         shown = weight[block] > 0
         rejected = np.count_nonzero(shown & (weight[block] < REJECTED), axis=1)
         # A single one is an outlier: a wrong attitude leaves others that do not fit.

@@ -230,7 +230,7 @@ def linearised(
         own, own_sums, own_squares = eliminated(body, observations.features(body.features), frames)
         turned.append(own)
         sums.append(own_sums)
-        squares[np.ix_(body.frames, body.features)] = own_squares
+        squares[body.block] = own_squares
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths, offset_cost = [], [], 0.0
     for index, (body, own_sums) in enumerate(zip(turned, sums, strict=True)):
@@ -268,6 +268,6 @@ def told_features(body: Body, weight: FloatArray) -> BoolArray:
     """The features (m,) of a body of which weights (n, m) do not reject all observations; all where these are too few,
     or in a line.
     """
-    told = np.asarray((weight[np.ix_(body.frames, body.features)] >= REJECTED).any(axis=0))
+    told = np.asarray((weight[body.block] >= REJECTED).any(axis=0))
     few = told.sum() < FEWEST_POINTS or (are_in_line(body.points[told]) and not are_in_line(body.points))
     return np.ones_like(told) if few else told

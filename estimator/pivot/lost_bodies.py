@@ -44,7 +44,7 @@ def brought_back_bodies(
     moved, weight, lost = list(bodies), weight.copy(), False
     for index, (body, whole, shape) in enumerate(zip(bodies, start, registered, strict=True)):
         own, points = whole.like(body), shape.like(body).points
-        now, block = np.ix_(body.frames, body.features), np.ix_(own.frames, body.features)
+        now, block = body.block, np.ix_(own.frames, body.features)
         before = first.weight[block]
         if weight[now].sum() > LOST * before.sum():
             continue
@@ -81,7 +81,7 @@ def regained(
     for index, (body, before) in enumerate(zip(near[0], bodies, strict=True)):
         if body is before:
             continue
-        block = np.ix_(body.frames, body.features)
+        block = body.block
         alone = np.zeros_like(weight)
         alone[block] = weight[block]
         own, cost = observations.weighted(alone), np.inf
@@ -109,7 +109,7 @@ def without_scraps(bodies: Sequence[Body], weight: FloatArray) -> FloatArray:
         return weight  # no body can be lost
     weight = weight.copy()
     for body in bodies:
-        block = np.ix_(body.frames, body.features)
+        block = body.block
         own = weight[block]
         if (own >= REJECTED).sum() < LOST * (own > 0).sum():
             weight[block] = np.where(own > 0, NEGLIGIBLE, 0.0)
@@ -126,6 +126,6 @@ def without_untold_features(bodies: tuple[Body, ...], weight: FloatArray) -> tup
     fewer, weight = [], weight.copy()
     for body in bodies:
         told = told_features(body, weight)
-        weight[np.ix_(body.frames, body.features)] *= told
+        weight[body.block] *= told
         fewer.append(body if told.all() else body.of_features(told))
     return (tuple(fewer), weight) if fewer != list(bodies) else None

@@ -313,7 +313,7 @@ class _ProblemData:
         found = self.observations.weight.copy()
         pairs = zip(self.registered.bodies, self.few.bodies, self.few.steps, strict=True)
         for body, few, step in pairs:
-            found[np.ix_(body.frames[::step], body.features)] = initial.weight[np.ix_(few.frames, few.features)]
+            found[np.ix_(body.frames[::step], body.features)] = initial.weight[few.block]
         return found
 
 
@@ -395,6 +395,6 @@ def _restricted(measured: Observations, right: Observations, bodies: tuple[Body,
     """
     weight = np.zeros_like(measured.weight)
     for body in bodies:
-        block = np.ix_(body.frames, body.features)
+        block = body.block
         weight[block] = measured.weight[block] * np.maximum(right.weight[block], NEGLIGIBLE)
     return measured.weighted(weight)

@@ -202,7 +202,7 @@ class PivotSolution:
     @cached_property
     def lost(self) -> BoolArray:
         """Of which bodies nearly all observations are rejected, (k,): they tell nothing."""
-        own = [self.observations.weight[np.ix_(body.frames, body.features)] for body in self.bodies]
+        own = [self.observations.weight[body.block] for body in self.bodies]
         return np.array([weight.sum() <= LOST * np.count_nonzero(weight) for weight in own])
 
     def has(self, name: str) -> bool:

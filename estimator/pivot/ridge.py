@@ -82,8 +82,10 @@ def with_ridges(found: PivotSolution, covariance: JointCovariance) -> JointCovar
     Those are directions that are not observable. Where a ridge can't be followed to the node, it departs as much more
     there as the node is farther. What departs by more than the width of the direction is as long as that.
     """
-    frames = np.unique(np.concatenate([body.frames for body in found.bodies]))
-    square = found.sampled.itself.frames_at(frames).mean_square()
+    shown = np.zeros(len(found.time), dtype=bool)
+    for body in found.bodies:
+        shown[body.frames] = True
+    square = found.sampled.itself.frames_at(np.flatnonzero(shown)).mean_square()
     wide = _wide_directions(found, covariance, square)
     if not len(wide.widths):
         return covariance

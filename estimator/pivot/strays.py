@@ -59,10 +59,10 @@ def without_strays(
 
 def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
     """In which frames (n,) of a body an attitude is left without enough features where others are rejected."""
-    weight = observations.weight[np.ix_(body.frames, body.features)]
+    weight = observations.weight[body.block]
     return np.asarray(((weight > 0).sum(axis=1) >= FEWEST_POINTS) & ((weight >= REJECTED).sum(axis=1) < FEWEST_POINTS))
 
 
 def _is_begun_with(body: Body, start: InitialSolution) -> BoolArray:
     """In which frames (n,) of a body there were observations from the start: those of two features join it later."""
-    return np.asarray((start.observations.weight[np.ix_(body.frames, body.features)] > 0).any(axis=1))
+    return np.asarray((start.observations.weight[body.block] > 0).any(axis=1))

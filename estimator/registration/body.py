@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
+from baryscope.estimator.geometry.indices import Index, block_of
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.registration.intervals import Interval
 
@@ -51,6 +52,11 @@ class Body:
         return np.asarray(found)
 
     @cached_property
+    def block(self) -> tuple[Index, Index]:
+        """The index of its features in its frames in arrays (all frames, all features, ...), see `block_of`."""
+        return block_of(self.frames, self.features)
+
+    @cached_property
     def offset_by_points(self) -> FloatArray:
         """The Jacobian (3, 3 m) of the points' centroid by the points, in axes attached to them."""
         return offset_by_points(self.points)
@@ -72,5 +78,5 @@ def places_of(bodies: Sequence[Body], origin: FloatArray, otherwise: FloatArray)
     """
     places = otherwise.copy()
     for body in bodies:
-        places[np.ix_(body.frames, body.features)] = body.places(origin)
+        places[body.block] = body.places(origin)
     return places

@@ -135,7 +135,7 @@ class KnownPoses:
         few = subsampled(bodies, observations, SUBSAMPLE_FRAMES)
         kept, places, covariances = [], [], []
         for body in few.bodies:
-            weight = few.observations.weight[np.ix_(body.frames, body.features)]
+            weight = few.observations.weight[body.block]
             own = body.in_frames(weight.sum(axis=1) > LEAST_WEIGHT)
             seen, near = few.observations.frames(own.frames).features(own.features), origin[few.rows[own.frames]]
             blocks = normal_blocks(seen, own.attitude, near, own.points)

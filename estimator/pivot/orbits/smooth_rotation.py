@@ -39,7 +39,7 @@ def by_smooth_rotation(found: PivotSolution, smooth: SmoothPath) -> GaussianLike
         used = departures.tested & (weight.sum(axis=1) > 0)
         if used.any():
             own, weight = own.in_frames(used), weight[used]
-            seen = found.observations.position[np.ix_(own.frames, own.features)]
+            seen = found.observations.position[own.block]
             seen = seen - own.points @ np.swapaxes(own.attitude, 1, 2)
             total = weight.sum(axis=1)
             bodies.append(own)

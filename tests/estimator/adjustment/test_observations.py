@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.normal_equations import at_best_attitudes, normal_blocks
-from baryscope.estimator.adjustment.observations import Observations, as_slice
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from synthetic import differences, roots
@@ -134,11 +134,7 @@ def test_best_attitudes_agree_with_scipys_alignment(full):
     np.testing.assert_allclose(slope, 0.0, atol=1e-5)
 
 
-def test_rows_that_follow_each_other_are_a_slice():
-    assert as_slice(np.array([3, 4, 5])) == slice(3, 6)
-    assert as_slice(np.array([7])) == slice(7, 8)
-    for index in (np.array([3, 5, 6]), np.array([5, 4, 3]), np.array([1, 3, 2, 4]), np.array([], dtype=int)):
-        assert as_slice(index) is index
+def test_frames_that_follow_each_other_are_a_view():
     observations, *_ = scene(full=True)
     assert np.shares_memory(observations.frames(np.array([1, 2])).position, observations.position)
     np.testing.assert_array_equal(observations.features(np.array([1, 2])).precision, observations.precision[:, 1:3])
