@@ -21,6 +21,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
+from baryscope.estimator.orbits.doubt import left_out
 from baryscope.estimator.paths.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.paths.forces import lasting, untold_firings
 from baryscope.estimator.paths.path import Path
@@ -210,14 +211,14 @@ def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: F
 
 
 def grown_outside(path: Path, noise: tuple[float, float], begin: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of position and velocity in C by accelerations, errors of firings, and how a smooth path
-    goes on, before the tracks' begin and after their end, s.
+    """The covariance (n, 6, 6) of position and velocity in C before the tracks' begin and after their end, s, by
+    accelerations, errors of firings, forces that the estimate leaves out, and how a smooth path goes on.
 
     noise: the density of white acceleration, m²/s³, and the variance of one that lasts, (m/s²)².
     """
     density, lasts = noise
     grown = path_growth(path, density, begin, end, time) + lasting(path, lasts, begin, end, time)
-    grown += untold_of(path, time)
+    grown += untold_of(path, time) + left_out(path, begin, end, time)
     return np.asarray(grown + untold_firings(path, begin, end, time))
 
 

@@ -9,15 +9,18 @@ often the path shows that there is none; where it does not, the claim has to all
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.findings import UntoldAccuracy
-from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise
+from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise, solved
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.doubt import DoubtfulPath
 from baryscope.estimator.orbits.error import (
     ORBIT_ERROR,
+    SHARES,
     UNTOLD_TURN,
     InexactOrbitPath,
     inexact_parts,
@@ -37,10 +40,16 @@ from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
+Share: TypeAlias = float | FloatArray  # of the deviations of all components of a force, or of each
 
 NEGLIGIBLE = 1e-6  # share of a force's deviations, that is as none
-# Shares of what is likely where nothing is told. The tracks may exclude that, and not less, which matters.
-OF_ORBIT, OF_PUSH = (1.0, 0.1, 0.01), (1.0, 0.1)
+# Shares of what is likely where nothing is told. The tracks may exclude that, and not less, which matters. Of an orbit
+# they may tell that it is right along the track and across, and leave open its period, which the other components are.
+OF_PUSH = (1.0, 0.1)
+OF_ORBIT = tuple(
+    np.where(SHARES < 1, of_period, of_place)
+    for of_place, of_period in ((1.0, 1.0), (0.1, 1.0), (0.01, 1.0), (0.1, 0.1), (0.01, 0.1), (0.01, 0.01))
+)
 RESTS = 2.0  # times as wide a claim, from which the answer rests on a force
 
 
@@ -50,42 +59,23 @@ def with_errors_of_orbit(
     """The solution with an error of the orbit among the unknowns, if its accuracy is told, or the tracks do not exclude
     what is likely where it is not, and the answer rests on it; likewise with a constant push.
 
-    Of an orbit that the tracks tell, the elements are unknowns already, but it may have no J2 yet. That has a known
-    size: unless the tracks exclude it, it is among the unknowns, too, as it matters ahead.
+    Where the answer does not rest on what the tracks do not exclude, that is left to the time before and after them. Of
+    an orbit that the tracks tell, the elements are unknowns already, but it may have no J2 yet. That has a known size:
+    unless the tracks exclude it, it is among the unknowns, too.
     """
-    path, estimated = found.path, estimated_orbit_in(found.path)
-    orbit = acting_orbit(orbit, path)
+    path, orbit = found.path, acting_orbit(orbit, found.path)
     if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return found
-    parts = []
-    if estimated is not None and oblateness_in(path) is None:
-        oblateness = oblateness_on(orbit, found.position, (path.begin, path.end))
-        if oblateness is not None:
-            beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
-            excess = beside.excess(1.0)
-            if excess < DECISIVE:
-                shown = excess <= -DECISIVE
-                parts.append(InexactOrbitPath(path.base, oblateness, path.begin, path.end, shown, size))
-    elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
-        told = orbit.accuracy is not None
-        deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
-        displaced = orbit_error(orbit, found.position, path.begin, path.end, deviation)
-        if share := 1.0 if told else _Beside.of(found, path, displaced).doubtful(OF_ORBIT):
-            displaced = replace(displaced, deviations=share * displaced.deviations)
-            parts.append(InexactOrbitPath(path.base, displaced, path.begin, path.end, told, share * deviation))
-    if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
-        pushed, size = constant_of("lvlh", orbit, path.begin, path.end), untold_push(orbit)
-        pushed = replace(pushed, deviations=np.full(3, size))
-        if share := _Beside.of(found, path, pushed).doubtful(OF_PUSH):
-            pushed = replace(pushed, deviations=share * pushed.deviations)
-            parts.append(InexactOrbitPath(path.base, pushed, path.begin, path.end, False, share * size))
-    if not parts:
-        return found
+    doubts = _doubts(found, path, orbit, options)
     base: Path = path.base
-    for part in parts:
-        base = replace(part, base=base)
-    other = refined_on(base, path, found, start, options)
-    return found if other is None else other
+    for doubt in doubts:
+        if doubt.rests:
+            base = InexactOrbitPath(base, doubt.beside.force, path.begin, path.end, doubt.told, doubt.size)
+    other = None if base is path.base else refined_on(base, path, found, start, options)
+    left = [doubt.beside for doubt in doubts if not doubt.rests]
+    if other is not None and isinstance(other.path, ProcessNoisePath):
+        found, left = other, [_Beside.of(other, other.path, beside.force) for beside in left]
+    return _with_left_out(found, left)
 
 
 def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
@@ -93,6 +83,61 @@ def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
     untold = {part.force.unit: part.deviation for part in inexact_parts(path) if not part.told}
     place, push = untold.get("m", 0.0), untold.get("m/s²", 0.0)
     return (UntoldAccuracy(place, push),) if place or push else ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Doubt:
+    """A force that the tracks do not exclude, beside a solution; told: whether its size is, or that it acts.
+
+    size: its standard deviation, m, m/s², or a share of J2; rests: whether it has to be among the unknowns.
+    """
+
+    beside: "_Beside"
+    size: float
+    told: bool
+    rests: bool
+
+    @classmethod
+    def of(cls, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
+        """The doubt of the first of some shares of a force's deviations that the tracks do not exclude, if one is."""
+        share = next((one for one in shares if beside.excess(one) < DECISIVE), None)
+        if share is None:
+            return None
+        part = beside.of_share(share)
+        return cls(part, float(part.force.deviations.max()), False, beside.matters(share))
+
+
+def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> tuple[_Doubt, ...]:
+    """What may act beside what is among a solution's unknowns, unless the tracks exclude it or somebody does."""
+    doubts: list[_Doubt | None] = []
+    estimated, span = estimated_orbit_in(path), (path.begin, path.end)
+    if estimated is not None and oblateness_in(path) is None:
+        oblateness = oblateness_on(orbit, found.position, span)
+        if oblateness is not None:
+            beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
+            excess = beside.excess(1.0)
+            doubts.append(_Doubt(beside, size, excess <= -DECISIVE, True) if excess < DECISIVE else None)
+    elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
+        deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
+        beside = _Beside.of(found, path, orbit_error(orbit, found.position, *span, deviation))
+        told = orbit.accuracy is not None
+        doubts.append(_Doubt(beside, deviation, True, True) if told else _Doubt.of(beside, OF_ORBIT))
+    if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
+        pushed = constant_of("lvlh", orbit, *span)
+        beside = _Beside.of(found, path, replace(pushed, deviations=np.full(3, untold_push(orbit))))
+        doubts.append(_Doubt.of(beside, OF_PUSH))
+    return tuple(doubt for doubt in doubts if doubt is not None)
+
+
+def _with_left_out(found: PivotSolution, left: Sequence["_Beside"]) -> PivotSolution:
+    """The solution with what forces beside it, of what its tracks do not exclude, do before and after these."""
+    path = found.path
+    if not left or not isinstance(path, ProcessNoisePath):
+        return found
+    base: Path = path.base
+    for beside in left:
+        base = DoubtfulPath(base, beside.force, path.begin, path.end, *beside.left_out())
+    return replace(found, path=replace(path, base=base))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +149,7 @@ class _Beside:
     found: PivotSolution
     prior: Prior
     further: FurtherUnknowns
+    force: Force
     variances: FloatArray
 
     @classmethod
@@ -111,35 +157,45 @@ class _Beside:
         """The force beside a solution on a path."""
         forced = ForcedPath(path.base, force, path.begin, path.end)
         further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
-        return cls(found, path.prior, further, np.exp(forced.prior.offset[path.base.size :]))
+        return cls(found, path.prior, further, force, np.exp(forced.prior.offset[path.base.size :]))
 
-    def doubtful(self, shares: Sequence[float]) -> float:
-        """The first of some shares of its deviations that the tracks do not exclude, if it matters; else 0."""
-        share = next((one for one in shares if self.excess(one) < DECISIVE), 0.0)
-        return share if share and self.matters(share) else 0.0
+    def of_share(self, share: Share) -> "_Beside":
+        """A share of the force's deviations."""
+        force = replace(self.force, deviations=share * self.force.deviations)
+        return replace(self, force=force, variances=np.square(share) * self.variances)
 
-    def excess(self, share: float) -> float:
+    def excess(self, share: Share) -> float:
         """By how much −2 ln of the marginal likelihood is more with a share of its deviations than without it."""
         return self._evidence(share) - self._without
 
-    def matters(self, share: float) -> bool:
+    def matters(self, share: Share) -> bool:
         """Whether the claim is much wider with a share of its deviations, at any frame in any direction."""
         own, wider = self._claimed(NEGLIGIBLE), self._claimed(share)
         return bool(np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2)
+
+    def left_out(self) -> tuple[FloatArray, FloatArray]:
+        """What the solution leaves out of the force: the mean (c, c) of the products of its unknowns, m², and what the
+        path's unknowns take on of them, (p, c).
+        """
+        mean, covariance = conditional(self.further.linear, self._with(1.0), self.found.posterior.theta)
+        own = len(self.variances)
+        of_force = covariance[-own:, -own:]
+        follows = solved(of_force, covariance[:-own, -own:].T).T
+        return of_force + np.outer(mean[-own:], mean[-own:]), follows
 
     @cached_property
     def _without(self) -> float:
         return self._evidence(NEGLIGIBLE)
 
-    def _evidence(self, share: float) -> float:
+    def _evidence(self, share: Share) -> float:
         """−2 ln of the marginal likelihood for a share of its deviations, up to a constant."""
         prior = self._with(share)
         return cost(self.further.linear, prior, maximise(self.further.linear, prior))
 
-    def _claimed(self, share: float) -> FloatArray:
+    def _claimed(self, share: Share) -> FloatArray:
         """The covariance (n, 3, 3) of the path for a share of its deviations."""
         theta = self.found.posterior.theta
         return self.further.path.covariance(conditional(self.further.linear, self._with(share), theta)[1])
 
-    def _with(self, share: float) -> Prior:
-        return self.prior.joined(Prior.known(share**2 * self.variances))
+    def _with(self, share: Share) -> Prior:
+        return self.prior.joined(Prior.known(np.square(share) * self.variances))

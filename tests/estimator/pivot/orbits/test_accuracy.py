@@ -95,6 +95,30 @@ def test_a_tumble_rests_on_no_orbit():
     np.testing.assert_array_equal(untold.covariance, exact.covariance)
 
 
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_an_error_of_the_orbit_that_does_not_show_counts_ahead(method):
+    """60 m off on V-bar for a third of a revolution, on an orbit that is told 150 m too wide.
+
+    In the tracks the answer is that of an orbit that is claimed to be exact. Ahead of them, by a quarter of their time
+    and by all of it, no squared error is beyond 1e-4, as that claim's are.
+    """
+    time = np.linspace(0.0, 2000.0, 300)
+    every = np.append(time, [2500.0, 4000.0])
+    com = fallen(ORBIT, np.array([0.0, -60.0, 0.0]), np.zeros(3), every, partial(oblate_gravity, j2=0.0))[:, :3]
+    R = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), time)
+    tracks = make_case(time, R, com[:-2], box_features(8, (10, 4, 4), 1), noise=0.01, seed=2).tracks
+    wide = replace(ORBIT, semi_major_axis=ORBIT.semi_major_axis + 150.0)
+    untold, exact = (estimate(tracks, orbit=replace(wide, accuracy=one), method=method) for one in (None, 0.0))
+    np.testing.assert_array_equal(untold.covariance, exact.covariance)
+    np.testing.assert_array_equal(untold.predict(time).covariance, exact.predict(time).covariance)
+    squares = []
+    for found in (untold, exact):
+        ahead = found.predict(every[-2:])
+        error = (ahead.position - com[-2:])[:, :, None]
+        squares.append((np.swapaxes(error, 1, 2) @ np.linalg.solve(ahead.covariance[:, :3, :3], error))[:, 0, 0])
+    assert squares[0].max() < chi2.isf(1e-4, 3) < squares[1].max()
+
+
 @DRAWS
 def test_an_orbit_that_the_tracks_tell_may_be_under_j2(method, draws):
     """A spin, watched for a third of a revolution without an orbit: the gradient tells the place along the axis.
