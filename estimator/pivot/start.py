@@ -3,7 +3,8 @@
 A flexible path can follow the body's rotation and so hide a wrong offset. There the linearised problem does not show
 the better solution, as errors of the attitudes times a change of the offset are of second order. So a smooth path
 starts from a straight line, from coefficients that decrease fast or slowly, and from a place at rest; any path starts
-without process noise.
+without process noise. One on an orbit also starts with it, unless what it leaves without is no more than the noise of
+the features' distances from each other, which no path changes.
 """
 
 from collections.abc import Callable
@@ -41,6 +42,7 @@ STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
 SOFT_ROUNDS = 10  # of linear least squares with weights by the residuals of frames with covariances
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
+CHANCE = 2.0  # standard deviations of the ratio of two variances, by which they differ as by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,8 @@ class _Trial:
     """A solution for some frames: bodies, x (p,), and observations with robust weights.
 
     held: the hyperparameters, by their logarithms, that the prior from which it began holds; theta (h,): the others of
-    that prior, or those of the path's own, from which steps go on; see `maximise`.
+    that prior, or those of the path's own, from which steps go on; see `maximise`; cost: the weighted squares before
+    the last step.
     """
 
     bodies: tuple[Body, ...]
@@ -56,6 +59,7 @@ class _Trial:
     observations: Observations
     held: dict[str, float]
     theta: FloatArray | None = None
+    cost: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +96,9 @@ def linear_start(
         go_on = partial(_stepped, sampled=sampled, offset_information=offset_information, least=least, lasting=lasting)
         # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
         steps = STEPS if smooth or few.observations.precision is None else SETTLING
-        trials = _settled(trials, go_on, prior, steps)
-        found = trials[_best(trials, sampled, prior, least, lasting)]
+        enough = None if smooth else partial(_is_explained, registered=registered, path_size=float(prior.free.sum()))
+        trials = _settled(trials, go_on, prior, steps, enough)
+        found = trials[_best(trials, sampled, prior, least, lasting) if len(trials) > 1 else 0]
     else:
         found = trials[0]
     pairs = zip(registered.bodies, found.bodies, strict=True)
@@ -133,10 +138,17 @@ def _with_attitudes(body: Body, refined: Body, step: int) -> Body:
     return replace(body, attitude=attitude)
 
 
-def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior, steps: int) -> list[_Trial]:
+def _settled(
+    trials: list[_Trial],
+    stepped: Callable[..., _Trial],
+    prior: Prior,
+    steps: int,
+    enough: Callable[[_Trial], bool] | None,
+) -> list[_Trial]:
     """The trials after at most so many steps under the priors from which they began, then under the path's own.
 
-    One that diverges, as may happen where its simple path is far from the true one, is left out.
+    One that diverges, as may happen where its simple path is far from the true one, is left out. One that is enough
+    under its simple prior is the only one.
 
     Raises:
         ComputationError: all diverge.
@@ -146,12 +158,28 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior,
         try:
             own = stepped(trial, prior=prior.holding(trial.held), steps=steps)
             near = replace(own, theta=_hyperparameters(own, prior))
-            found.append(stepped(near, prior=prior, steps=SETTLING))
+            settled = stepped(near, prior=prior, steps=SETTLING)
+            if enough is not None and enough(own):
+                return [replace(settled, held={})]  # no longer to be kept simple
+            found.append(settled)
         except ComputationError as error:
             failure = error
     if not found and failure is not None:
         raise failure
     return found
+
+
+def _is_explained(trial: _Trial, registered: Registered, path_size: float) -> bool:
+    """Whether a trial leaves no more of observations without covariances than the noise that registration found.
+
+    Where many are outliers these may be part of that noise.
+    """
+    dof = values_for_path(trial.bodies, trial.observations) - path_size
+    doubtful = trial.observations.precision is not None or _rejects_many(trial.observations)
+    if doubtful or min(dof, registered.values) <= 0:
+        return False
+    by_chance = 1 + CHANCE * float(np.sqrt(2 / dof + 2 / registered.values))
+    return trial.cost <= by_chance * dof * registered.noise**2
 
 
 def _stepped(
@@ -174,14 +202,14 @@ def _stepped(
     if theta is None and _has_many_outliers(observations) and not bodies[0].in_line:
         squares = linearised(bodies, observations, sampled, x, offset_information=offset_information).squares
         observations = observations.weighted(reweighted(squares, observations.weight, dof, least, many=True))
-    here, halvings = None, 0
+    here, halvings, cost = None, 0, np.inf
     for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x, offset_information=offset_information)
         if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
             continue
-        halvings = 0
-        variance = lasting * max(float(problem.squares.sum()) / dof, least)
+        halvings, cost = 0, float(problem.squares.sum())
+        variance = lasting * max(cost / dof, least)
         theta = improved(scaled(problem, variance), prior, theta)
         solution = stepped(problem, prior, theta, variance)
         if observations.precision is not None:
@@ -191,7 +219,7 @@ def _stepped(
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least, many=True))
-    return _Trial(bodies, x, observations, trial.held, theta)
+    return _Trial(bodies, x, observations, trial.held, theta, cost)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:
@@ -258,5 +286,10 @@ def _softer(registered: Registered, roots: list[FloatArray], sampled: SampledPat
 
 def _has_many_outliers(observations: Observations) -> bool:
     """Whether registration with covariances has rejected many of the observations."""
+    return observations.precision is not None and _rejects_many(observations)
+
+
+def _rejects_many(observations: Observations) -> bool:
+    """Whether many of the observations are outliers by their weights."""
     seen = observations.weight[observations.weight > 0]
-    return observations.precision is not None and bool(np.mean(seen < REJECTED) > MANY)
+    return bool(np.mean(seen < REJECTED) > MANY)

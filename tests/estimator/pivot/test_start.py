@@ -71,6 +71,7 @@ def test_a_path_with_an_orbit_begins_without_process_noise(monkeypatch):
     """Until weights have settled, if that start is the best: there is no place at rest to begin from."""
     starts = []
     monkeypatch.setattr(starting, "_best", lambda *_: 0)
+    monkeypatch.setattr(starting, "_is_explained", lambda *_, **__: False)
 
     def refined(start, options):
         starts.append(start)
@@ -86,6 +87,25 @@ def test_a_path_with_an_orbit_begins_without_process_noise(monkeypatch):
     assert first.index(DENSITY) is None
     quiet = own.fixed(DENSITY, -200.0).precision(np.zeros(0))
     np.testing.assert_array_equal(first.precision(np.zeros(0)), quiet)
+
+
+@pytest.mark.parametrize("shaken", [False, True], ids=["at rest", "shaken"])
+def test_one_start_is_enough_where_noise_explains_all(monkeypatch, shaken):
+    """On an orbit, without process noise; where the path leaves more, both are compared. The answer is that of both."""
+    compared = []
+    kept = starting._best
+    monkeypatch.setattr(starting, "_best", lambda *given: compared.append(len(given[0])) or kept(*given))
+    time, R = turning(60)
+    path = at_rest(time)
+    if shaken:
+        path = path + 20 * NOISE * np.sin(0.7 * time + np.arange(3)[:, None]).T
+    tracks = make_case(time, R, path, box_features(6, (10, 5, 5), 3), noise=NOISE).tracks
+    found = estimate_by_pivot(tracks, ORBIT.model(), PathOptions())
+    assert compared == ([2] if shaken else [])
+    monkeypatch.setattr(starting, "_is_explained", lambda *_, **__: False)
+    both = estimate_by_pivot(tracks, ORBIT.model(), PathOptions())
+    np.testing.assert_allclose(found.position, both.position, atol=both.predicted_rmse / 10)
+    np.testing.assert_allclose(found.covariance, both.covariance, rtol=0.05, atol=0.05 * both.predicted_rmse**2)
 
 
 @pytest.mark.parametrize("orbit", [True, False])
