@@ -281,10 +281,11 @@ class _Ratio:
     @classmethod
     def of(cls, lengths: _Lengths, blocks: int, *, told: bool) -> "_Ratio":
         """The ratio of lengths in so many blocks of frames; told: whether it is that to covariances."""
-        fits = [_Fit.of(lengths, of_rig=of_rig) for of_rig in (False, True)]
-        best = max(fits, key=lambda fit: fit.likelihood)
-        of_rig = best is fits[1]
-        equal = _Fit.of(lengths, of_rig=of_rig, free=False)
+        alike = _Fit.of(lengths, of_rig=False)
+        of_a_rig = _Fit.of(lengths, of_rig=True, near=alike)
+        best = max(alike, of_a_rig, key=lambda fit: fit.likelihood)
+        of_rig = best is of_a_rig
+        equal = _Fit.of(lengths, of_rig=of_rig, near=best, log_ratio=0.0)
         dependence = max(1.0, equal.dependence(blocks))
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
         linear = best.turned <= TURNED
@@ -307,7 +308,7 @@ def _least(lengths: _Lengths, greatest: "_Fit", deviations: float, *, of_rig: bo
     less, more, decrease = 0.0, float(GREATEST), deviations**2 / 2
     while more - less > LEAST_STEP:
         middle = (less + more) / 2
-        fit = _Fit.of(lengths, of_rig=of_rig, log_ratio=middle, free=False)
+        fit = _Fit.of(lengths, of_rig=of_rig, near=greatest, log_ratio=middle)
         less, more = (middle, more) if greatest.likelihood - fit.likelihood > decrease else (less, middle)
     return more
 
@@ -317,7 +318,8 @@ class _Fit:
     """The maximum of the likelihood: ln ρ², and the logarithm of the likelihood there.
 
     scores (n,): of each frame, the derivative of that logarithm by ln ρ²; information: the expectation of its square,
-    for all frames, if all distances are independent; turned: ρ² ε², the median of all lengths.
+    for all frames, if all distances are independent; turned: ρ² ε², the median of all lengths; scale, mean (k,): those
+    of Student's distribution of each column.
     """
 
     log_ratio: float
@@ -325,16 +327,26 @@ class _Fit:
     scores: FloatArray
     information: float
     turned: float
+    scale: FloatArray
+    mean: FloatArray
 
     @classmethod
-    def of(cls, lengths: _Lengths, *, of_rig: bool, log_ratio: float = 0.0, free: bool = True) -> "_Fit":
-        """The fit of k (1 − c² + ρ² c²), or as told, growing with a rig's range, to lengths, with ln ρ² as it is unless
-        free.
+    def of(
+        cls, lengths: _Lengths, *, of_rig: bool, near: "_Fit | None" = None, log_ratio: float | None = None
+    ) -> "_Fit":
+        """The fit of k (1 − c² + ρ² c²), or as told, growing with a rig's range, to lengths; near: one to begin from.
+
+        log_ratio: ln ρ², unless that is sought.
         """
+        free = log_ratio is None
         off, seen, growth = lengths.off, lengths.seen, lengths.range_squared if of_rig else 1.0
         across, along = lengths.across * growth, lengths.along * growth**2
         count = lengths.summed(seen.astype(np.float64))
-        scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
+        if near is not None:
+            scale, mean = near.scale, near.mean
+        else:
+            scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
+        log_ratio = (0.0 if near is None else near.log_ratio) if log_ratio is None else log_ratio
         for _ in range(ROUNDS):
             shape = np.where(seen, across + np.exp(log_ratio) * along, 1.0)
             square = (off - mean) ** 2
@@ -353,7 +365,7 @@ class _Fit:
                 break
         logarithm = np.log(scale * shape) + (DOF + 1) * np.log1p(square / (DOF * scale * shape))
         turned = float(np.median(np.exp(2 * log_ratio) * scale * lengths.turned))
-        return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information, turned)
+        return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information, turned, scale, mean)
 
     def dependence(self, blocks: int) -> float:
         """The variance of the scores, summed over so many blocks of frames, over that of independent distances."""
