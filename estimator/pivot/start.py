@@ -7,7 +7,7 @@ without process noise. One on an orbit also starts with it, unless what it leave
 the features' distances from each other, which no path changes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -89,18 +89,18 @@ def linear_start(
     simple = SIMPLE_AND_SMOOTH if smooth else ({DENSITY: NOTHING},)
     begins = (*simple, {}) if prior.hyperparameters else ({},)
     solution = _linear_solutions(own, few.observations, sampled)
-    trials = [_Trial(*solution(prior.holding(held)), few.observations, held) for held in begins]
-    if len(trials) > 1:
+    begun = (_Trial(*solution(prior.holding(held)), few.observations, held) for held in begins)
+    if len(begins) > 1:
         variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
         offset_information = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
         go_on = partial(_stepped, sampled=sampled, offset_information=offset_information, least=least, lasting=lasting)
         # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
         steps = STEPS if smooth or few.observations.precision is None else SETTLING
         enough = None if smooth else partial(_is_explained, registered=registered, path_size=float(prior.free.sum()))
-        trials = _settled(trials, go_on, prior, steps, enough)
+        trials = _settled(begun, go_on, prior, steps, enough)
         found = trials[_best(trials, sampled, prior, least, lasting) if len(trials) > 1 else 0]
     else:
-        found = trials[0]
+        found = next(begun)
     pairs = zip(registered.bodies, found.bodies, strict=True)
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
     if few.observations.precision is not None:  # else registration has given them
@@ -139,7 +139,7 @@ def _with_attitudes(body: Body, refined: Body, step: int) -> Body:
 
 
 def _settled(
-    trials: list[_Trial],
+    trials: Iterable[_Trial],
     stepped: Callable[..., _Trial],
     prior: Prior,
     steps: int,
