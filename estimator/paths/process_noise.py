@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.options import Density
 from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
 from baryscope.estimator.paths.linear_motion import ARC, Motion, are_within, forced, highest_frequency
@@ -28,6 +29,7 @@ FEWEST_MODES, MOST_MODES = 12, 96  # of each axis: at first, and as many as they
 TYPICAL = 2e-4
 MIDDLE = np.array([0.25, 0.75])  # of the time, between which a lasting acceleration is looked for
 SHORTEST = 1e-6  # s, of the time over which noise acts
+ENOUGH = 1000  # times, of which the median variance is taken
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 
 
@@ -159,7 +161,8 @@ def enriched(path: Path, theta: FloatArray, sampled: SampledPath, of_x: FloatArr
     if not isinstance(path, ProcessNoisePath) or path.count >= MOST_MODES:
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    typical = float(np.median(np.trace(sampled.covariance(of_x), axis1=1, axis2=2))) / 3
+    few = sampled.frames_at(evenly_spaced(sampled.frames, ENOUGH)) if sampled.frames > ENOUGH else sampled
+    typical = float(np.median(np.trace(few.covariance(of_x), axis1=1, axis2=2))) / 3
     return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
 
 

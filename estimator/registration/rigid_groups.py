@@ -44,6 +44,8 @@ def other_bodies(pairs: IntArray, apart: FloatArray, seen: BoolArray) -> list[In
         return []
     changed = deviation > CHANGED * float(np.median(usual[steady]))
     moving, steady = told & ~steady & changed, steady & ~changed
+    if not moving.any():
+        return []
     m = seen.shape[1]
     from scipy.sparse import coo_array  # slow to load, and few commands need it
     from scipy.sparse.csgraph import connected_components
