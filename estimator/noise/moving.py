@@ -3,6 +3,10 @@
 Errors of all features may last, and then do so alike; the claim knows how long. The errors of a few that move on the
 body last longer than those of the others, are alike where they are on one panel, and turn with the body as a centre of
 mass elsewhere does: they draw the estimate by more than it claims. Where the others are enough, it is made of these.
+
+A feature may move so slowly that it does not seem to while it is seen without a break, as a glint. Then it comes back
+on another place, beside others that are where they were. So does a label that a tracker gives to another point, but of
+those that are like that few are enough.
 """
 
 from collections.abc import Callable
@@ -11,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.findings import MovingFeatures
+from baryscope.estimator.findings import DifferentPoints, MovingFeatures
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.noise.rigid_features import WindowMeans
 from baryscope.estimator.result import Estimate
@@ -60,9 +64,24 @@ def without_moving_features(fit: Fit, tracks: FeatureTracks) -> Estimate:
 
 
 def _moving(found: Estimate, tracks: FeatureTracks) -> BoolArray:
-    """Which of the tracks' labels (m,) are of features that move on the body, as the residuals of an estimate tell."""
-    moving = np.zeros(len(tracks.labels), dtype=bool)
-    means = WindowMeans.of(found, tracks) if found.converged else None
+    """Which of the tracks' labels (m,) are of features that move on the body, as the residuals of an estimate tell, or
+    that came back on another place.
+    """
+    if not found.converged:
+        return np.zeros(len(tracks.labels), dtype=bool)
+    moving = np.isin(tracks.labels, _elsewhere(found))
+    means = WindowMeans.of(found, tracks)
     if means is not None and means.suspicious:
         moving[found.sources(tracks.labels)[means.moving()]] = True
     return moving
+
+
+def _elsewhere(found: Estimate) -> list[str]:
+    """The labels that came back on another place, beside enough others that did not."""
+    labels: list[str] = []
+    for one in found.findings:
+        if isinstance(one, DifferentPoints):
+            first, second = (set(found.clusters[index].labels) for index in one.clusters)
+            if len((first & second).difference(one.labels)) >= FEWEST_POINTS:
+                labels += one.labels
+    return labels

@@ -3,7 +3,8 @@
 The products b_j · b_k of a body's points from the centre of mass do not depend on its axes. They are the distances of
 the features from it and from one another. Two bodies with common features have equal products, so these are
 constrained to be equal, with the covariance of the separate bodies. A label that belongs to a different point in the
-second body fails the test of this hypothesis and is no tie point. But where no place of a common label agrees, and all
+second body fails the test of this hypothesis and is no tie point; one that is as far from the centre of mass as before
+is found by what the others make of it, if they are enough. But where no place of a common label agrees, and all
 are nearer to each other than those of different features are, the bodies disagree by more than they claim: the path or
 an attitude is wrong. A body whose offset is known by the noise of its attitudes is not tied: its covariance is too
 small. Covariances are kept as factors, so that they stay positive semidefinite whatever the condition of the bodies.
@@ -30,6 +31,7 @@ DOUBTFUL = 0.5  # odds that bodies disagree, above which they say so: their clai
 LINEARITY = 5.0  # least standard deviation of a product over the second-order term that its linear model neglects
 MAX_TIE_POINTS = 8  # points compared between two bodies: more features are averaged in groups
 MAX_SPURIOUS = 1 / 3  # share of spurious information on an offset, above which its body is not tied
+FEWEST, MOST_OTHERS = 3, 0.25  # points that agree, at least, where others of the same distances do not: a share, or one
 RANK = 1e-3  # relative to the greatest: a combination of normalised misclosures that second-order terms alone make
 ROUNDING = 1e-12  # relative to the greatest variance: the variance of products that depend on others
 
@@ -123,11 +125,11 @@ def tie_bodies(
         changed = [tie for tie in singly if tie is not None and not compare.fits(tie)]
         same = np.setdiff1d(features, [tie.features[0] for tie in changed])
         rest = compare.comparable(bodies, same) if changed and len(same) else None
-        if rest is not None and compare.fits(rest):
+        if rest is None or not compare.fits(rest):
+            rest, changed = compare.without_others(jointly)
+        if rest is not None:
             tied.append(rest)
-            refused += changed
-        else:
-            refused.append(compare.judged(jointly))
+        refused += changed
     return (compare.constrained(tied) if tied else solution), tuple(tied), tuple(refused)
 
 
@@ -174,7 +176,30 @@ class _Comparison:
 
     def fits(self, tie: TiePoints) -> bool:
         """Whether the misclosures of tie points are compatible with noise (χ² test)."""
-        return bool(chdtrc(len(tie.compared), self._square(tie)) > SIGNIFICANCE)
+        return self._chance(tie) > SIGNIFICANCE
+
+    def _chance(self, tie: TiePoints) -> float:
+        """The probability of so great misclosures by noise."""
+        return float(chdtrc(len(tie.compared), self._square(tie)))
+
+    def without_others(self, tie: TiePoints) -> tuple[TiePoints | None, list[TiePoints]]:
+        """Tie points that fit, without those few of some that do not that are other points, though none is at another
+        distance from the centre of mass, and these. If they are not few, there is none, and all are refused.
+        """
+        same = tie.features
+        for _ in range(max(int(MOST_OTHERS * len(same)), 1)):
+            if len(same) <= FEWEST:
+                break
+            fewer = (self.comparable(tie.bodies, np.delete(same, k)) for k in range(len(same)))
+            best = max((one for one in fewer if one is not None), key=self._chance, default=None)
+            if best is None:
+                break
+            if self.fits(best):
+                others = np.isin(tie.features, best.features, invert=True)
+                rows = (tie.rows[0][others], tie.rows[1][others])
+                return best, [replace(tie, features=tie.features[others], rows=rows)]
+            same = best.features
+        return None, [self.judged(tie)]
 
     def judged(self, tie: TiePoints) -> TiePoints:
         """Refused tie points, with the bodies' disagreement unless different points are clearly likelier.

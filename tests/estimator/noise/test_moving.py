@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.findings import MovingFeatures
 from baryscope.estimator.noise.rigid_features import CHANCE, WindowMeans, _Equations
+from baryscope.estimator.result import Status
 
 TIME = np.arange(300.0)
 CENTRE = np.array([3.0, -5.0, 20.0])
@@ -19,8 +20,9 @@ DEPTH = 4.0
 FIXED = PathOptions(trajectory="fixed")
 
 
-def tracked(seed, motion=0.0, memory=0.0, depth=1.0, told=False):
-    """Eight features about a fixed centre, of which the last two move on the body by `motion` (n, m) along its z axis.
+def tracked(seed, motion=0.0, memory=0.0, depth=1.0, told=False, last=(0.7, 1.0)):
+    """Eight features about a fixed centre; the last two move on the body by `motion` (n,), m, times `last` along its z
+    axis.
 
     memory: the autocorrelation of all features' errors from one frame to the next; depth: how much noisier depths are,
     as covariances tell if told.
@@ -29,7 +31,7 @@ def tracked(seed, motion=0.0, memory=0.0, depth=1.0, told=False):
     precession = Rotation.from_rotvec(0.004 * TIME[:, None] * np.array([0.3, 0.9, 0.1]))
     R = (precession * Rotation.from_rotvec(0.02 * TIME[:, None] * np.array([0.0, 0.6, 0.8]))).as_matrix()
     points = np.concatenate([rng.normal(size=(6, 3)), [[4.0, 0.3, 0.0], [5.0, -0.3, 0.0]]])
-    moved = points + np.reshape(motion, (-1, 1, 1)) * np.array([0, 0, 0, 0, 0, 0, 0.7, 1.0])[:, None] * [0, 0, 1]
+    moved = points + np.reshape(motion, (-1, 1, 1)) * np.array([0, 0, 0, 0, 0, 0, *last])[:, None] * [0, 0, 1]
     position = CENTRE + moved @ np.swapaxes(R, 1, 2)
     sight = position / np.linalg.norm(position, axis=2, keepdims=True)
     axes = np.eye(3) + (depth - 1) * sight[..., :, None] * sight[..., None, :]
@@ -57,6 +59,20 @@ def test_features_of_a_wing_that_swings_are_left_out(method, seed):
     alone = estimate(replace(tracks, position=without), method=method, options=FIXED)
     assert found.position == pytest.approx(alone.position, abs=1e-9)
     assert found.noise.a_posteriori == pytest.approx(NOISE, rel=0.1)
+    error = found.position[150] - CENTRE
+    assert error @ np.linalg.solve(found.covariance[150], error) < chi2.isf(1e-4, 3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_feature_that_comes_back_on_another_place_is_left_out(seed):
+    """As a glint, at rest while the same others are seen; its distance from the centre is the same to a millimetre."""
+    later = TIME >= 200
+    tracks = tracked(seed, 20 * NOISE * later, last=(0.0, 1.0))
+    hidden = np.where(later[:, None], np.equal(tracks.labels, "b"), np.equal(tracks.labels, "c"))
+    hidden |= ((TIME > 150) & ~later)[:, None]
+    found = estimate(replace(tracks, position=np.where(hidden[..., None], np.nan, tracks.position)), options=FIXED)
+    assert moving(found) == [("h",)]
+    assert found.status is Status.GOOD
     error = found.position[150] - CENTRE
     assert error @ np.linalg.solve(found.covariance[150], error) < chi2.isf(1e-4, 3)
 

@@ -165,6 +165,20 @@ def test_unchanged_features_tie_although_others_are_relabelled():
     assert [one.features.tolist() for one in refused] == [[4]]
 
 
+def test_a_feature_that_comes_back_as_far_from_the_centre_as_before_is_found_by_the_others():
+    """F3 of the second body is turned about the centre of mass: only its distances from the others are not what they
+    were. All together would disagree.
+    """
+    turned = Rotation.from_rotvec([0.02, -0.02, 0.01]).apply(POINTS[3:4])
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [1, 2, 8, 4, 5]], np.concatenate([POINTS, turned]))
+    apart = converged(bodies, observations, sampled)
+    first, second = apart.bodies
+    renamed = replace(apart, bodies=(first, replace(second, features=np.array([1, 2, 3, 4, 5]))))
+    _, made, refused = tie_bodies(renamed, FINE**2, observations, sampled.position(X))
+    assert [one.features.tolist() for one in made] == [[1, 2, 4]]
+    assert [(one.features.tolist(), one.disagreement) for one in refused] == [([3], None)]
+
+
 def test_many_shared_features_are_averaged_in_groups():
     """Bodies that share 120 features in a line: all their products would be a matrix of 14,400 rows."""
     on_line = np.array([0.5, 1, 2]) + np.outer(np.linspace(-3, 3, 120), [1, 0.5, -0.3])
