@@ -21,7 +21,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
-from baryscope.estimator.orbits.doubt import left_out
+from baryscope.estimator.paths.doubtful_path import left_out
 from baryscope.estimator.paths.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.paths.forces import lasting, untold_firings
 from baryscope.estimator.paths.path import Path

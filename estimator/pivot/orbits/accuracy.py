@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.findings import UntoldAccuracy
 from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise, solved
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.orbits.doubt import DoubtfulPath
 from baryscope.estimator.orbits.error import (
     ORBIT_ERROR,
     SHARES,
@@ -29,6 +28,7 @@ from baryscope.estimator.orbits.error import (
 from baryscope.estimator.orbits.estimated import acting_orbit, estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
 from baryscope.estimator.orbits.push import unknown_push_in, untold_push
+from baryscope.estimator.paths.doubtful_path import DoubtfulPath
 from baryscope.estimator.paths.forces import Force, ForcedPath, constant_of
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
