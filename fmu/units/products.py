@@ -106,10 +106,12 @@ class Gathered:
             lines.append(f"    if (k && k % 2 == 0) {total} = SUM({total}, PRODUCT({middle}, {middle}));")
         for place, name in enumerate(self.squares):
             lines.append(f"    const double {name} = LANE(q{self.number}_{place // 2}, {place % 2});")
-        return lines + [
-            f"    const double {name} = 0.5 * ({whole} - {one} - {other});"
-            for name, (whole, one, other) in self.halves.items()
-        ]
+        for name in self.squares:
+            lines += _doubled(name) if name not in {whole for whole, *_ in self.halves.values()} else []
+        for name, (whole, one, other) in self.halves.items():
+            lines.append(f"    const double twice_{name} = {whole} - {one} - {other};")
+            lines.append(f"    const double {name} = 0.5 * twice_{name}; (void){name}; (void)twice_{name};")
+        return lines
 
     def _multiplied(self) -> list[str]:
         rows, lanes, lines = f"work->rows{self.number}", [*self.lanes, "0.0"], []
@@ -119,10 +121,13 @@ class Gathered:
             last = f"SCALED({newest}, {rows}[0].factors[{factor}])"
             alone = f"SCALED({newest}, {self.factors[factor]})"
             lines.append(f"    {total} = k ? SUM({total}, SUM({first}, {last})) : {alone};")
-        return lines + [
-            f"    const double {name} = LANE(s{self.number}_{place}, {lane});"
-            for name, (place, lane) in self.results.items()
-        ]
+        for name, (place, lane) in self.results.items():
+            lines += [f"    const double {name} = LANE(s{self.number}_{place}, {lane});", *_doubled(name)]
+        return lines
+
+
+def _doubled(name: str) -> list[str]:
+    return [f"    const double twice_{name} = 2.0 * {name}; (void)twice_{name};"]
 
 
 def _pair(texts: list[str], place: int) -> str:

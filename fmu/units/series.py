@@ -37,11 +37,13 @@ class Value:
 
     Attributes:
         level: the number of products of fast values that must be known before it.
+        twice: C expression of twice the k-th coefficient, where that is at hand; products from squares begin with it.
     """
 
     of: Class
     text: str
     level: int = 0
+    twice: str = ""
 
     @property
     def coefficient(self) -> str:
@@ -129,6 +131,11 @@ class _Writer:
 
     def _apply(self, operation: int, operands: list[Value]) -> Value:
         result = max((value.of for value in operands), key=lambda of: of.value)
+        first = operands[0]
+        if operation == ca.OP_TWICE and first.twice:
+            return Value(result, first.twice, first.level)
+        if operation == ca.OP_NEG and first.twice:
+            return Value(result, f"(-{first.text})", first.level, f"(-{first.twice})")
         texts = [value.text if result == Class.CONSTANT else value.coefficient for value in operands]
         linear = {
             ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_NEG: "-({0})", ca.OP_TWICE: "2.0 * {0}",
@@ -171,7 +178,8 @@ class _Writer:
         pair = min(left.text, right.text), max(left.text, right.text)
         if pair not in self.products:
             level = max(left.level, right.level) + 1
-            self.products[pair] = Value(Class.FAST, f"p{len(self.products)}", level)
+            name = f"p{len(self.products)}"
+            self.products[pair] = Value(Class.FAST, name, level, f"twice_{name}")
         return self.products[pair]
 
     def _quotient(self, over: Value, under: Value) -> Value:
