@@ -1,9 +1,68 @@
 """Products of the fast values of a Taylor series as C code, for baryscope.fmu.units.series."""
 
+import re
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 
 MOST_SUMS = 12  # at a time, so that they stay in registers
+_OF_SOLUTION = re.compile(r"terms\[k\]\.of\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Pairs of values whose coefficients so far are at hand, in the solution's terms or else in pairs of their own.
+
+    Attributes:
+        place: C expression of what holds the latter, by the coefficient's number.
+        member: of it, the union with them.
+        values: C expressions of the k-th coefficients.
+    """
+
+    place: str
+    member: str
+    values: list[str]
+
+    def at(self, pair: int, k: str) -> str:
+        """The C expression of a pair's coefficient, before the k-th; the k-th, too, of those in the solution's terms."""
+        if pair in self._kept:
+            return f"{self.place}[{k}].{self.member}.pairs[{self._kept.index(pair)}]"
+        return f"terms[{k}].pairs[{self._numbers(pair)[0] // 2}]"
+
+    def newest(self, pair: int) -> str:
+        """The C expression of a pair's k-th coefficient."""
+        return f"PAIR({', '.join(self._values(pair))})" if pair in self._kept else self.at(pair, "k")
+
+    def type(self) -> str:
+        """The union's C type; empty if all pairs are the solution's."""
+        return (
+            f"union {{ double of[{2 * len(self._kept)}]; Pair pairs[{len(self._kept)}]; }} {self.member}; "
+            if self._kept
+            else ""
+        )
+
+    def stores(self) -> list[str]:
+        """C statements that keep the k-th coefficients."""
+        return [
+            f"    {self.place}[k].{self.member}.of[{2 * place + lane}] = {value};"
+            for place, pair in enumerate(self._kept)
+            for lane, value in enumerate(self._values(pair))
+        ]
+
+    @cached_property
+    def _kept(self) -> list[int]:
+        return [pair for pair in range((len(self.values) + 1) // 2) if not self._is_of_solution(pair)]
+
+    def _values(self, pair: int) -> list[str]:
+        return [*self.values, "0.0"][2 * pair : 2 * pair + 2]
+
+    def _numbers(self, pair: int) -> list[int]:
+        found = (_OF_SOLUTION.fullmatch(value) for value in self._values(pair))
+        return [int(match[1]) for match in found if match]
+
+    def _is_of_solution(self, pair: int) -> bool:
+        numbers = self._numbers(pair)
+        return len(numbers) == 2 and numbers[0] % 2 == 0 and numbers[1] == numbers[0] + 1
 
 
 @dataclass(frozen=True)
@@ -58,67 +117,72 @@ class Gathered:
         }
         return cls(number, squares, halves, lanes, factors, pairs, results)
 
+    @property
+    def _rows(self) -> str:
+        return f"work->rows{self.number}"
+
+    @property
+    def _roots(self) -> _Rows:
+        return _Rows(self._rows, "roots", list(self.squares.values()))
+
+    @property
+    def _lanes(self) -> _Rows:
+        return _Rows(self._rows, "lanes", self.lanes)
+
     def types(self) -> list[str]:
-        """The C type of its squares, lanes and factors."""
-        lanes, squares = (2 * ((len(items) + 1) // 2) or 2 for items in (self.lanes, list(self.squares)))
-        return [
-            f"typedef struct {{ union {{ double of[{squares}]; Pair pairs[{squares // 2}]; }} roots; "
-            f"union {{ double of[{lanes}]; Pair pairs[{lanes // 2}]; }} lanes; "
-            f"double factors[{max(1, len(self.factors))}]; }} Rows{self.number};"
-        ]
+        """The C type of what it keeps of squares, lanes and factors."""
+        factors = f"double factors[{max(1, len(self._kept_factors))}];"
+        return [f"typedef struct {{ {self._roots.type()}{self._lanes.type()}{factors} }} Rows{self.number};"]
 
     def sums(self) -> list[str]:
         """Sums over the coefficients of both operands that are neither the first nor the k-th."""
-        rows = f"work->rows{self.number}"
+        roots, lanes = self._roots, self._lanes
         squares = [
-            (f"q{self.number}_{place}", f"PRODUCT({rows}[m].roots.pairs[{place}], {rows}[k - m].roots.pairs[{place}])")
-            for place in range((len(self.squares) + 1) // 2)
+            (f"q{self.number}_{pair}", f"PRODUCT({roots.at(pair, 'm')}, {roots.at(pair, 'k - m')})")
+            for pair in range((len(self.squares) + 1) // 2)
         ]
         others = [
-            (f"s{self.number}_{place}", f"SCALED({rows}[m].lanes.pairs[{pair}], {rows}[k - m].factors[{factor}])")
+            (f"s{self.number}_{place}", f"SCALED({lanes.at(pair, 'm')}, {self._factor(factor, 'k - m')})")
             for place, (factor, pair) in enumerate(self.pairs)
         ]
         return _loops(squares, "2 * m < k") + _loops(others, "m < k")
 
     def products(self) -> list[str]:
         """The k-th coefficients of the products."""
-        rows, roots = f"work->rows{self.number}[k]", list(self.squares.values())
-        stored = {
-            "roots.of": roots + ["0.0"] * (len(roots) % 2),
-            "lanes.of": self.lanes + ["0.0"] * (len(self.lanes) % 2),
-        }
-        stored["factors"] = self.factors
-        lines = [
-            f"    {rows}.{where}[{place}] = {text};"
-            for where, texts in stored.items()
-            for place, text in enumerate(texts)
-        ]
-        return lines + self._squared() + self._multiplied()
+        factors = [f"    {self._factor(place, 'k')} = {self.factors[place]};" for place in self._kept_factors]
+        return self._roots.stores() + self._lanes.stores() + factors + self._squared() + self._multiplied()
+
+    @property
+    def _kept_factors(self) -> list[int]:
+        return [place for place, factor in enumerate(self.factors) if not _OF_SOLUTION.fullmatch(factor)]
+
+    def _factor(self, place: int, k: str) -> str:
+        """The C expression of a factor's coefficient, before the k-th."""
+        if place in self._kept_factors:
+            return f"{self._rows}[{k}].factors[{self._kept_factors.index(place)}]"
+        return self.factors[place].replace("[k]", f"[{k}]")
 
     def _squared(self) -> list[str]:
-        rows, roots = f"work->rows{self.number}", [*self.squares.values(), "0.0"]
-        lines = []
-        for place in range(len(self.squares) // 2 + len(self.squares) % 2):
-            total, newest = f"q{self.number}_{place}", _pair(roots, place)
-            first, middle = (f"{rows}[{k}].roots.pairs[{place}]" for k in ("0", "k / 2"))
-            doubled = f"SCALED(SUM({total}, PRODUCT({first}, {newest})), 2.0)"
+        roots, lines = self._roots, []
+        for pair in range((len(self.squares) + 1) // 2):
+            total, newest, middle = f"q{self.number}_{pair}", roots.newest(pair), roots.at(pair, "k / 2")
+            doubled = f"SCALED(SUM({total}, PRODUCT({roots.at(pair, '0')}, {newest})), 2.0)"
             lines.append(f"    {total} = k ? {doubled} : PRODUCT({newest}, {newest});")
             lines.append(f"    if (k && k % 2 == 0) {total} = SUM({total}, PRODUCT({middle}, {middle}));")
         for place, name in enumerate(self.squares):
             lines.append(f"    const double {name} = LANE(q{self.number}_{place // 2}, {place % 2});")
-        for name in self.squares:
-            lines += _doubled(name) if name not in {whole for whole, *_ in self.halves.values()} else []
+            lines += _doubled(name)
         for name, (whole, one, other) in self.halves.items():
             lines.append(f"    const double twice_{name} = {whole} - {one} - {other};")
             lines.append(f"    const double {name} = 0.5 * twice_{name}; (void){name}; (void)twice_{name};")
         return lines
 
     def _multiplied(self) -> list[str]:
-        rows, lanes, lines = f"work->rows{self.number}", [*self.lanes, "0.0"], []
+        lanes, lines = self._lanes, []
         for place, (factor, pair) in enumerate(self.pairs):
-            total, newest = f"s{self.number}_{place}", _pair(lanes, pair)
-            first = f"SCALED({rows}[0].lanes.pairs[{pair}], {self.factors[factor]})"
-            last = f"SCALED({newest}, {rows}[0].factors[{factor}])"
+            total, newest = f"s{self.number}_{place}", lanes.newest(pair)
+            first = f"SCALED({lanes.at(pair, '0')}, {self.factors[factor]})"
+            last = f"SCALED({newest}, {self._factor(factor, '0')})"
             alone = f"SCALED({newest}, {self.factors[factor]})"
             lines.append(f"    {total} = k ? SUM({total}, SUM({first}, {last})) : {alone};")
         for name, (place, lane) in self.results.items():
@@ -128,10 +192,6 @@ class Gathered:
 
 def _doubled(name: str) -> list[str]:
     return [f"    const double twice_{name} = 2.0 * {name}; (void)twice_{name};"]
-
-
-def _pair(texts: list[str], place: int) -> str:
-    return f"PAIR({texts[2 * place]}, {texts[2 * place + 1]})"
 
 
 def _loops(sums: list[tuple[str, str]], condition: str) -> list[str]:
