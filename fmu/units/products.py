@@ -24,7 +24,7 @@ class _Rows:
     values: list[str]
 
     def at(self, pair: int, k: str) -> str:
-        """The C expression of a pair's coefficient, before the k-th; the k-th, too, of those in the solution's terms."""
+        """The C expression of a pair's coefficient, before the k-th; of the solution's also the k-th."""
         if pair in self._kept:
             return f"{self.place}[{k}].{self.member}.pairs[{self._kept.index(pair)}]"
         return f"terms[{k}].pairs[{self._numbers(pair)[0] // 2}]"

@@ -168,6 +168,8 @@ class _Writer:
         if right.of == Class.CONSTANT:
             text = left.text if left.of == Class.CONSTANT else left.coefficient
             return self._linear(left.of, f"{text} * {right.text}", left.level)
+        if left == right and left.of == Class.SLOW:
+            return self._row(f"slow_square({left.text}, k)")
         if left.of == Class.SLOW:
             return self._row(f"slow_product({left.text}, {right.text}, k)")
         if right.of == Class.SLOW:
