@@ -134,8 +134,11 @@ class Gathered:
         factors = f"double factors[{max(1, len(self._kept_factors))}];"
         return [f"typedef struct {{ {self._roots.type()}{self._lanes.type()}{factors} }} Rows{self.number};"]
 
-    def sums(self) -> list[str]:
-        """Sums over the coefficients of both operands that are neither the first nor the k-th."""
+    def sums(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+        """Sums over the coefficients of both operands that are neither the first nor the k-th: of squares, and others.
+
+        Each is a variable and its m-th term; of squares, those of which 2 m is less than k.
+        """
         roots, lanes = self._roots, self._lanes
         squares = [
             (f"q{self.number}_{pair}", f"PRODUCT({roots.at(pair, 'm')}, {roots.at(pair, 'k - m')})")
@@ -145,7 +148,7 @@ class Gathered:
             (f"s{self.number}_{place}", f"SCALED({lanes.at(pair, 'm')}, {self._factor(factor, 'k - m')})")
             for place, (factor, pair) in enumerate(self.pairs)
         ]
-        return _loops(squares, "2 * m < k") + _loops(others, "m < k")
+        return squares, others
 
     def products(self) -> list[str]:
         """The k-th coefficients of the products."""
@@ -194,8 +197,13 @@ def _doubled(name: str) -> list[str]:
     return [f"    const double twice_{name} = 2.0 * {name}; (void)twice_{name};"]
 
 
+def sums_of(levels: list[Gathered]) -> list[str]:
+    """C loops over m that take the sums of all levels, so many at a time as there are registers."""
+    squares, others = ([sum for level in levels for sum in level.sums()[which]] for which in (0, 1))
+    return _loops(squares, "2 * m < k") + _loops(others, "m < k")
+
+
 def _loops(sums: list[tuple[str, str]], condition: str) -> list[str]:
-    """Loops over m that add terms to sums, so many at a time as there are registers."""
     lines: list[str] = []
     for start in range(0, len(sums), MOST_SUMS):
         some = sums[start : start + MOST_SUMS]

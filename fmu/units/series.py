@@ -18,7 +18,7 @@ from enum import Enum
 
 import casadi as ca
 
-from baryscope.fmu.units.products import Gathered
+from baryscope.fmu.units.products import Gathered, sums_of
 
 SLOW_ORDER = 7
 
@@ -252,7 +252,7 @@ class _Writer:
                 "    double (*slow)[SLOW_ORDER + 1] = work->slow;",
                 "    (void)slow;",
                 *(f"    {line}" for line in self.constants),
-                *(line for level in levels for line in level.sums()),
+                *sums_of(levels),
                 *(f"    work->mixed.fast[k].of[{p}] = 0.0;" for p in padding),
                 "    sum_mixed(&work->mixed, k);",
                 *self._by_level(levels),
