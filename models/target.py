@@ -340,7 +340,7 @@ def _attitude_rates(
 ) -> Symbol:
     """Rates of (q, ω, place); without a form, only the torque input acts and the place rests."""
     q_I_B, rate_B, place = ca.vertsplit(part, [0, 4, PLACE_START, part.numel()])
-    J, torque, place_rates = constants["inertia"], inputs["target.torque"], ca.SX(place.numel(), 1)
+    J, torque, place_rates = constants["inertia"], inputs["target.torque"], ca.SX.zeros(place.numel())
     turned = None
     if form is not None:
         turned = form.turned

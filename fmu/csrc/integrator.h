@@ -32,7 +32,7 @@ typedef struct {
     double length;                      /* of the last step; 0 before the first */
     double step;                        /* length of the next step; 0: to be estimated */
     double state[WIDTH];                /* at `time` */
-    double rates[WIDTH];                /* at `time`; Taylor's method: at `previous` */
+    double rates[WIDTH];                /* at `time`; Taylor's method has none */
     double previous[WIDTH];             /* state at `time - length` */
     double dense[TAYLOR_ORDER][WIDTH];  /* polynomial of the last step, if that passed the time asked for */
     double unit;                        /* of time in Taylor's polynomial, s */

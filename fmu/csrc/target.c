@@ -246,17 +246,6 @@ static inline void series_torque_at(const Unit *unit, double time, double torque
     for (int i = 0; i < 3; i++) torque[i] = unit->series_torque[i] + unit->series_torque_rate[i] * time;
 }
 
-static void series_rates(const void *context, double time, const double *state, double *rates)
-{
-    const Unit *unit = context;
-    const double shrinking = shrinking_of(state);
-    double torque[3];
-    series_torque_at(unit, time, torque);
-    const double *arguments[] = {state, torque, unit->series_constants, &shrinking};
-    double *results[] = {rates};
-    target_series_rates(arguments, results, NULL, NULL, 0);
-}
-
 /* The place's series are cut earlier than the attitude's, so that they may be what bounds the step. */
 static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance)
 {
@@ -265,8 +254,11 @@ static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_OR
     double relative[WIDTH], torque[3];
     series_torque_at(unit, integrator->time, torque);
     const double *constants[] = {torque, unit->series_constants, &shrinking};
-    begin_terms(integrator, terms, series_rates, context, relative);
-    turned_terms(terms, integrator->unit, constants, ramp_of(unit));
+    Workspace work;
+    begin_terms(integrator, terms, relative);
+    turned_rates(terms, constants, &work);
+    choose_unit(integrator, terms, relative);
+    turned_terms(terms, integrator->unit, constants, ramp_of(unit), &work);
     const double reach = reach_of(terms, TAYLOR_ORDER, relative, tolerance);
     for (int i = 0; i < ORBIT_START; i++) relative[i] = 0.0;
     return is_within(terms, SLOW_ORDER, relative, tolerance, reach) ? reach

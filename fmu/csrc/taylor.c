@@ -121,16 +121,19 @@ static inline void evaluate(const double *start, const double terms[TAYLOR_ORDER
     for (int i = 0; i < size; i++) state[i] = start[i] + sum[i];
 }
 
-/* The first two terms at the current state, in a unit of time over which it changes by its own size. */
-static ALWAYS_INLINE void begin_terms(
-    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, const void *context, double relative[WIDTH])
+/* The first term is the state, and the second begins as its rates. */
+static ALWAYS_INLINE void begin_terms(const Integrator *integrator, Row terms[TAYLOR_ORDER + 1], double relative[WIDTH])
 {
     relate(integrator, relative);
-    rates(context, integrator->time, integrator->state, integrator->rates);
-    const double speed = size_of(integrator->rates, relative);
-    integrator->unit = speed > REST ? 1.0 / speed : 1.0;
     memcpy(terms[0].of, integrator->state, sizeof integrator->state);
-    for EACH(i) terms[1].of[i] = integrator->rates[i] * integrator->unit;
+}
+
+/* The unit is a time over which the state changes by its own size; the second term goes from rates to that unit. */
+static ALWAYS_INLINE void choose_unit(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const double relative[WIDTH])
+{
+    const double speed = size_of(terms[1].of, relative);
+    integrator->unit = speed > REST ? 1.0 / speed : 1.0;
+    for EACH(i) terms[1].of[i] *= integrator->unit;
 }
 
 static ALWAYS_INLINE double expand_products(
@@ -138,7 +141,9 @@ static ALWAYS_INLINE double expand_products(
     const void *context, double tolerance)
 {
     double relative[WIDTH];
-    begin_terms(integrator, terms, rates, context, relative);
+    begin_terms(integrator, terms, relative);
+    rates(context, integrator->time, integrator->state, terms[1].of);
+    choose_unit(integrator, terms, relative);
     expand(terms, integrator->unit, products, ramp, context);
     return reach_of(terms, TAYLOR_ORDER, relative, tolerance);
 }

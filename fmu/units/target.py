@@ -114,7 +114,6 @@ def _core(system: TumblingTarget) -> Core:
             system.series_constants,
             system.to_series,
             system.from_series,
-            system.series_rates,
             system.orbit_rates,
             system.pose,
             system.sight.function,
