@@ -265,7 +265,7 @@ static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_OR
                                                                     : smaller(reach, reach_of(terms, SLOW_ORDER, relative, tolerance));
 }
 
-static FLATTEN const char *advance_turned_attitude(Unit *unit, double elapsed)
+static WIDE FLATTEN const char *advance_turned_attitude(Unit *unit, double elapsed)
 {
     return taylor_advance(&unit->attitude, expand_turned_attitude, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }
