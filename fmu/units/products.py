@@ -166,7 +166,7 @@ class Gathered:
         return self.factors[place].replace("[k]", f"[{k}]")
 
     def _squared(self) -> list[str]:
-        roots, lines = self._roots, []
+        roots, lines, sums = self._roots, [], {whole for whole, *_ in self.halves.values()}
         for pair in range((len(self.squares) + 1) // 2):
             total, newest, middle = f"q{self.number}_{pair}", roots.newest(pair), roots.at(pair, "k / 2")
             doubled = f"SCALED(SUM({total}, PRODUCT({roots.at(pair, '0')}, {newest})), 2.0)"
@@ -174,7 +174,7 @@ class Gathered:
             lines.append(f"    if (k && k % 2 == 0) {total} = SUM({total}, PRODUCT({middle}, {middle}));")
         for place, name in enumerate(self.squares):
             lines.append(f"    const double {name} = LANE(q{self.number}_{place // 2}, {place % 2});")
-            lines += _doubled(name)
+            lines += _doubled(name) if name not in sums else []
         for name, (whole, one, other) in self.halves.items():
             lines.append(f"    const double twice_{name} = {whole} - {one} - {other};")
             lines.append(f"    const double {name} = 0.5 * twice_{name}; (void){name}; (void)twice_{name};")

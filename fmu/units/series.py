@@ -58,14 +58,14 @@ class UnsuitedError(Exception):
 
 
 def series_source(rates: ca.Function, slow_from: int) -> str:
-    """C code of `turned_terms`, which fills in the coefficients of (q, ω, place) from the first on.
+    """C code of `turned_rates`, the first coefficients of (q, ω, place), in seconds, and `turned_terms`, those after them.
 
     Args:
         rates: x, constants … → ẋ; the k-th constant argument is the array `constants[k]`.
         slow_from: place in x of the first slow state.
 
     Returns:
-        The code; without the function, and with TURNED_SERIES 0, if the rates are not suited.
+        The code; without these functions, and with TURNED_SERIES 0, if the rates are not suited.
     """
     writer = _Writer(slow_from)
     try:
@@ -253,7 +253,7 @@ class _Writer:
                 "    sum_mixed(&work->mixed, k);",
                 *self._by_level(levels),
                 "}",
-                "/* The second term as rates, and all terms from the third on. */",
+                "/* The second term in seconds: rates; and then, from that in the unit of time, all others. */",
                 "static ALWAYS_INLINE void turned_rates(Row *terms, const double *const *constants, Workspace *work)",
                 "{",
                 "    slow_term(terms, 0, 1.0, constants, work);",
@@ -262,7 +262,8 @@ class _Writer:
                 "static ALWAYS_INLINE void turned_terms(",
                 "    Row *terms, double unit, const double *const *constants, const double *ramp, Workspace *work)",
                 "{",
-                "    UNROLL for (int k = 1; k <= SLOW_ORDER; k++) slow_term(terms, k, unit / (k + 1), constants, work);",
+                "    UNROLL for (int k = 1; k <= SLOW_ORDER; k++)",
+                "        slow_term(terms, k, unit / (k + 1), constants, work);",
                 "    for (int k = SLOW_ORDER + 1; k <= TAYLOR_ORDER; k++) {",
                 *(f"        terms[k].of[{place}] = 0.0;" for place in self.places),
                 "    }",

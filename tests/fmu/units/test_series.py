@@ -42,6 +42,21 @@ def test_products_with_both_squares_are_taken_from_squares():
     assert "slow_circle" in text
 
 
+def test_twice_a_product_from_squares_is_taken_before_it_is_halved():
+    text = source(2 * (X[0] * X[1]) + X[0] * X[0], X[1] * X[1] * C[0], X[2])
+    assert "const double twice_p0 = p0_sum - p1 - p2;" in text
+    assert "= twice_p0 + p1;" in text
+    assert "2.0 * p0;" not in text
+
+
+def test_coefficients_of_the_solution_are_read_where_they_stand():
+    """A pair of states needs no copy, one with another value does."""
+    assert "roots" not in source(X[0] * X[0], X[1] * X[1], X[2])
+    text = source(X[0] * X[0], X[1] * X[1] + (X[0] * X[0]) * (X[0] * X[0]), X[2])
+    assert "PRODUCT(terms[m].pairs[0], terms[k - m].pairs[0])" in text
+    assert "work->rows2[k].roots.of[0] = p0;" in text
+
+
 @pytest.mark.parametrize(("first", "second"), [(X[0], X[0] * X[1]), (X[0] * X[1], X[0])])
 def test_a_product_comes_after_both_of_its_operands(first, second):
     """Whichever is deeper: sums of products x₀ (x₀ x₁) come in a level of their own, behind those of x₀ x₁."""
