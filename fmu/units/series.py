@@ -58,7 +58,7 @@ class UnsuitedError(Exception):
 
 
 def series_source(rates: ca.Function, slow_from: int) -> str:
-    """C code of `turned_rates`, the first coefficients of (q, ω, place), in seconds, and `turned_terms`, those after them.
+    """C code of the coefficients of (q, ω, place): `turned_rates`, the first, in seconds; `turned_terms`, the others.
 
     Args:
         rates: x, constants … → ẋ; the k-th constant argument is the array `constants[k]`.
