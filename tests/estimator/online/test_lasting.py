@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 from tops import POINTS, SIGMA, errors, run, straight, tracks
 
 DRAWS = 8
@@ -93,7 +93,7 @@ double kept(const Online *filter, double information[][3][3], double spread[][3]
 
 def test_the_covariance_of_a_feature_stays_the_inverse_of_its_information(tmp_path):
     """Also where errors are found to last, by which both are put right."""
-    core = online_core_of(tmp_path, KEPT)
+    core = online_core_of(tmp_path, KEPT, *ONLY_WHAT_IS_CALLED)
     core.kept.restype = ctypes.c_double
     time = np.arange(FRAMES, dtype=float)
     filter = OnlineEstimator(SIGMA)

@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 
 FUNCTIONS = """#include "library.c"
 int level(void) { return PATH_AND_MAP; }
@@ -45,7 +45,7 @@ void places(double of_shadow[PATH_AND_MAP][PATH_AND_MAP], const double at[3][PAT
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
+    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS, *ONLY_WHAT_IS_CALLED)
 
 
 @pytest.mark.parametrize("times", [0.5, 1.0, 4.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 
 ROUNDING = 2e-15  # of sums of a few terms of 1
 ANGLES = [0.0, 1e-12, 1e-6, 1e-3, 0.0316, 0.0317, 0.0632, 0.0633, 0.5, 2.0, 3.1]  # about the ends of the series, too
@@ -22,7 +22,7 @@ void turned_by_vector(const double turn[3], double R[3][3], double back[3])
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
     """The core with `turned_by_vector`."""
-    return online_core_of(tmp_path_factory.mktemp("rotations"), TURNED)
+    return online_core_of(tmp_path_factory.mktemp("rotations"), TURNED, *ONLY_WHAT_IS_CALLED)
 
 
 @pytest.mark.parametrize("angle", ANGLES)

@@ -12,7 +12,7 @@ import oracles
 from baryscope.estimator.online import OnlineEstimator, Thrust
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 from tops import DRIFT, SIGMA, START, attitudes, flown_beside, run, straight, tracks, two_sides
 
 ACCELERATION = np.array([2e-3, -1e-3, 5e-4])  # m/s²
@@ -245,7 +245,7 @@ void of_node(double manoeuvred, double by_thrust[3][4], double of_thrust[4][4], 
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
+    return online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS, *ONLY_WHAT_IS_CALLED)
 
 
 def called(function, *arrays):

@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 
 ERRORS, TORQUES, FREE = 11, 10, 3  # of a spin, densities of white torque, errors that a free tumble leaves as they are
 DENSITY = 1e-15 * 10.0 ** np.arange(TORQUES)
@@ -24,7 +24,7 @@ void taken(SpinErrors *errors, int pulled, const double F[6][SPIN], const double
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
     """The core with `taken`."""
-    return online_core_of(tmp_path_factory.mktemp("torques"), TAKEN)
+    return online_core_of(tmp_path_factory.mktemp("torques"), TAKEN, *ONLY_WHAT_IS_CALLED)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.online import OnlineEstimator
-from compiling import online_core_of
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 from tops import SIGMA, run, straight, tracks
 
 FUNCTIONS = """#include "library.c"
@@ -21,7 +21,7 @@ double part(double density, double T, double variance)
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    core = online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS)
+    core = online_core_of(tmp_path_factory.mktemp("core"), FUNCTIONS, *ONLY_WHAT_IS_CALLED)
     core.part.restype, core.part.argtypes = ctypes.c_double, [ctypes.c_double] * 3
     return core
 
