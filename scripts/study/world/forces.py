@@ -73,7 +73,7 @@ def towards_sun(orbit: Orbit) -> FloatArray:
 
 def through_air(state: FloatArray) -> FloatArray:
     """The unit vector (3,) along the velocity through air that turns with the Earth, for a state (6,) in I."""
-    found = state[3:] - np.cross([0.0, 0.0, AIR_RATE], state[:3])
+    found = state[3:] + AIR_RATE * np.array([state[1], -state[0], 0.0])
     return np.asarray(found / np.linalg.norm(found))
 
 
