@@ -4,6 +4,8 @@ It precesses about z, with a tilt, and spins about its axis; its centre of mass 
 has another path. Nothing of it is shared with the filter.
 """
 
+from contextlib import contextmanager
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -51,6 +53,31 @@ def straight(time):
     return START + time[:, None] * DRIFT
 
 
+@contextmanager
+def unread(filter):
+    """Where nobody looks at the states that frames give: none is computed, which takes as long as to take a frame.
+
+    `predict`, by which `update` computes them, changes nothing of the filter.
+    """
+    filter.predict = lambda *_: None  # of this one, in place of that of its class
+    try:
+        yield filter
+    finally:
+        del filter.predict
+
+
+def flown_through(filter, frames, looked_at):
+    """The states (a dict) after the frames whose numbers are in `looked_at`, of all, each the arguments of `update`."""
+    states = {}
+    for k, (given, named) in enumerate(frames):
+        if k in looked_at:
+            states[k] = filter.update(*given, **named)
+        else:
+            with unread(filter):
+                filter.update(*given, **named)
+    return states
+
+
 def run(filter, time, seen, **more):
     return [filter.update(float(t), frame, **more) for t, frame in zip(time, seen, strict=True)]
 
@@ -84,8 +111,9 @@ def seen_by_a_rig(rng, places):
     return places + noise, covariances
 
 
-def flown_beside(rng, filter, wrong):
-    """A flight of 700 s beside the target, seen by a rig, on thrusters that are wrong: the states, and the path (n, 3).
+def flown_beside(rng, filter, wrong, looked_at):
+    """A flight of 700 s beside the target, seen by a rig, on thrusters that are wrong: the states (a dict) at the times
+    that are looked at, in whole seconds, and the path (n, 3).
 
     The filter is told of accelerations that make the true ones on these thrusters. wrong: a scale, and a rotation
     vector in axes of the camera, (4,), or (699, 4) from frame to frame.
@@ -99,11 +127,12 @@ def flown_beside(rng, filter, wrong):
     told = -(of_camera * Rotation.from_rotvec(wrong[:, 1:]).inv() * of_camera.inv()).apply(accelerations)
     told /= 1 + wrong[:, :1]
     seen, covariances = seen_by_a_rig(rng, path[:, None] + POINTS @ np.swapaxes(attitudes(time), 1, 2))
-    states = [filter.update(0.0, seen[0], covariance=covariances[0])]
-    for k in range(1, len(time)):
-        thrust = Thrust(told[k - 1], axes[k - 1])
-        states.append(filter.update(time[k], seen[k], covariance=covariances[k], acceleration=thrust))
-    return states, path
+    thrusts = [None, *(Thrust(push, attitude) for push, attitude in zip(told, axes[:-1], strict=True))]
+    frames = (
+        ((t, frame), {"covariance": covariance, "acceleration": thrust})
+        for t, frame, covariance, thrust in zip(time.tolist(), seen, covariances, thrusts, strict=True)
+    )
+    return flown_through(filter, frames, looked_at), path
 
 
 def errors(states, path):

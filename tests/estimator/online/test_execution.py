@@ -7,13 +7,14 @@ from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator
 from baryscope.models.orbit import Orbit
-from tops import DRIFT, SIGMA, START, tracks
+from tops import DRIFT, SIGMA, START, flown_through, tracks
 
 STD = 0.02  # told, of what thrusters are wrong by
 WIDE = Orbit(1e9, 0.0, 0.0, 0.0, 0.0, 0.0)  # gravity moves what is 100 m away by 12 µm in 500 s
 PUSH, ON, EVERY = 0.02, 30, 100  # m/s², in directions at random, for ON s of EVERY s
 DRAWS = 12  # so that a claim that is too small by 39 % in each direction is beyond the 99.9 % quantile of χ² of 36
 TIMES = (215, 228, 290, 315, 328, 390, 415, 428, 490)  # s: amid pushes, at their end, and before the next
+LAST = 499  # s
 
 
 def judged(seed, deviation):
@@ -23,7 +24,7 @@ def judged(seed, deviation):
     what is claimed (3 degrees of freedom), at TIMES, and the last state.
     """
     rng = np.random.default_rng(seed)
-    time = np.arange(500.0)
+    time = np.arange(LAST + 1.0)
     push = (
         PUSH * rng.standard_normal((500, 3)) * (time % EVERY < ON)[:, None] * (time > 0)[:, None]
     )  # since the frame before
@@ -33,12 +34,13 @@ def judged(seed, deviation):
     path = START + np.concatenate([np.zeros((1, 3)), np.cumsum(speed[1:] + 0.5 * pushed[1:], axis=0)])
     filter = OnlineEstimator(SIGMA, WIDE, thrust_std=STD)
     seen = tracks(rng, time, path)
-    states = [filter.update(t, seen[k], acceleration=push[k]) for k, t in enumerate(time.tolist())]
+    frames = (((t, seen[k]), {"acceleration": push[k]}) for k, t in enumerate(time.tolist()))
+    states = flown_through(filter, frames, {*TIMES, LAST})
     squares = []
     for k in TIMES:
         error, covariance = states[k].position - path[k], states[k].covariance[:3, :3]
         squares.append(error @ np.linalg.solve(covariance, error))
-    return squares, states[-1]
+    return squares, states[LAST]
 
 
 def claimed(state):

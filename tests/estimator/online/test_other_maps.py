@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
-from tops import POINTS, SIGMA, errors, run, straight, tracks, two_sides
+from tops import POINTS, SIGMA, errors, run, straight, tracks, two_sides, unread
 
 ALPHA = 1e-4  # of the chi-square bands
 PATIENCE = 3  # frames of strangers, after which the filter maps them
@@ -84,9 +84,11 @@ def test_depths_uncertain_by_a_third_of_the_target_are_not_turned_as_if_they_wer
     for draw in range(6):
         seen = sampled(case, draw).tracks
         filter = OnlineEstimator(1.0, case.orbit)
-        for k, time in enumerate(case.time):
-            covariance = np.where(seen.seen[k][:, None, None], seen.covariance[k], np.eye(3))
-            state = filter.update(float(time), seen.position[k], covariance=covariance)
+        with unread(filter):
+            for k, time in enumerate(case.time):
+                covariance = np.where(seen.seen[k][:, None, None], seen.covariance[k], np.eye(3))
+                filter.update(float(time), seen.position[k], covariance=covariance)
+        state = filter.predict(float(time))
         assert state.status is OnlineStatus.TRACKING
         nees.append(errors([state], case.path[-1:])[1][0])
     assert sum(nees) < chi2.ppf(1 - ALPHA, 18)

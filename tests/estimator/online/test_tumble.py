@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from baryscope.estimator.online import OnlineEstimator
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.orbit import EARTH_MU, Orbit
+from tops import unread
 
 SIGMA = 0.02  # m
 DRAWS = 40
@@ -87,9 +88,10 @@ def judged(draws, seed, every, end, ahead):
     found = {"rate": [], "moments": [], "point": []}
     for n, (J, features) in enumerate(zip(draws.inertia, draws.features, strict=True)):
         filter = OnlineEstimator(SIGMA, orbit)
-        for k in range(0, end + 1, every):
-            points = path(k) + draws.attitude[k][n].apply(features)
-            filter.update(float(k), points + SIGMA * rng.standard_normal(points.shape))
+        with unread(filter):
+            for k in range(0, end + 1, every):
+                points = path(k) + draws.attitude[k][n].apply(features)
+                filter.update(float(k), points + SIGMA * rng.standard_normal(points.shape))
         tumble, point = filter.tumble(float(end)), filter.point(0, float(end + ahead))
         assert tumble is not None
         assert point is not None
@@ -142,7 +144,8 @@ def test_a_tumble_begins_only_where_it_fits_the_attitudes_that_it_is_from():
         rng, filter, known = np.random.default_rng([5, draw]), OnlineEstimator(sigma), []
         for k in range(200):
             points = np.array([0.0, 5.0, 0.0]) + Rotation.from_rotvec(k * turn).apply(corners)
-            filter.update(3.3 * k, points + sigma * rng.standard_normal(points.shape))
+            with unread(filter):
+                filter.update(3.3 * k, points + sigma * rng.standard_normal(points.shape))
             known.append(filter.tumble(3.3 * k) is not None)
         begun += any(known)
         given_up += any(before and not after for before, after in pairwise(known))

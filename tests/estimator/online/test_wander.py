@@ -22,12 +22,12 @@ def judged(seed, drift):
     """
     rng = np.random.default_rng(seed)
     wrong = STD * rng.standard_normal(4) + np.outer(np.arange(699.0) / 600, [drift, 0.0, 0.0, 0.0])
-    states, path = flown_beside(rng, OnlineEstimator(SIGMA, WIDE, thrust_std=STD), wrong)
+    states, path = flown_beside(rng, OnlineEstimator(SIGMA, WIDE, thrust_std=STD), wrong, TIMES)
     squares = []
     for k in TIMES:
         error, covariance = states[k].position - path[k], states[k].covariance[:3, :3]
         squares.append(error @ np.linalg.solve(covariance, error))
-    assert states[-1].status == "tracking"
+    assert states[TIMES[-1]].status == "tracking"
     return squares, np.sqrt(np.trace(covariance))
 
 
