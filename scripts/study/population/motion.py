@@ -48,7 +48,7 @@ def tumble(
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a × b of few vectors (k, 3): the same numbers as NumPy's, which spends most of its time on which axis they have."""
+    """a × b of few vectors (k, 3): the same numbers as NumPy's, whose time goes to what does not depend on them."""
     return a.take(_AFTER, 1) * b.take(_BEFORE, 1) - a.take(_BEFORE, 1) * b.take(_AFTER, 1)
 
 
