@@ -15,6 +15,8 @@ from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding
 from baryscope.estimator.result import Status
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.cli import app
+from baryscope.study.campaign import run_one
+from baryscope.study.campaign.engines import LocalEngine
 from documents import (
     FRONT,
     LANGUAGES,
@@ -43,8 +45,11 @@ def test_every_block_says_what_it_is(document):
 
 @pytest.mark.parametrize("document", sorted({*WITH_PYTHON, *WITH_COMMANDS}))
 def test_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
-    """In one folder, as a reader would: what an example needs, one above it has left."""
+    """In one folder, as a reader would: what an example needs, one above it has left. Campaigns are carried out here:
+    a worker takes longer to start.
+    """
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(LocalEngine, "carry_out", lambda _, cases: (run_one(case) for case in cases))
     for name in re.findall(r"\]\(([\w.-]+\.trc)\)", text_of(document)):  # recordings that the page offers
         shutil.copy((ROOT / document).parent / name, tmp_path)
     for command in commands(document):
@@ -100,8 +105,8 @@ def check_the_table(summary):
 
 
 def smaller(command):
-    """The command with one draw of one scenario by one worker, where a campaign would take its hours, and of a suite
-    by one method; long flights are cut short.
+    """The command with one draw of one scenario, where a campaign would take its hours, and of a suite by one method;
+    long flights are cut short.
     """
     if "fly" in command and float(command[command.index("--duration") + 1]) > LONG_FLIGHT:
         return ["60" if before == "--duration" else word for before, word in zip(["", *command], command, strict=False)]
@@ -115,7 +120,7 @@ def smaller(command):
         command += [] if "--methods" in command else ["--methods", "pivot"]
         command += ["--scenario", "slow-stereo"] if "reach" in command and "--scenario" not in command else []
         command += [] if "--draws" in command else ["--draws", "1"]
-    return command if {"merge", "--report", "--scheduler"} & {*command} else [*command, "--workers", "1"]
+    return command
 
 
 @pytest.mark.parametrize("document", [*FRONT, *PAGES])
