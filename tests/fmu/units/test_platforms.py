@@ -14,11 +14,13 @@ from baryscope.fmu.units import UNITS, blueprint_of
 @pytest.mark.parametrize("platform", [X86_64_WINDOWS, AARCH64_DARWIN], ids=lambda platform: platform.name)
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "target"])
 def test_clang_takes_the_sources(small, tmp_path, unit, platform):
-    """macOS' headers declare names that glibc's do not. TumblingTarget is built in full elsewhere."""
+    """macOS' headers declare names that glibc's do not. TumblingTarget is built in full elsewhere, and so what LLVM makes
+    of such code on these platforms is left out here, which takes two thirds of the time.
+    """
     _, sources = describe_unit(blueprint_of(unit, small), 2)
     for name, content in (sources | interface_headers(2)).items():
         (tmp_path / name).write_bytes(content)
     options = ["-target", platform.target, "-std=c11", "-O0", *DEFINITIONS, *WARNINGS, "-I."]
-    command = [*find_cross_compiler(), *options, "-c", MAIN, "-o", "unit.o"]
+    command = [*find_cross_compiler(), *options, "-emit-llvm", "-c", MAIN, "-o", "unit.bc"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, "")
