@@ -13,10 +13,13 @@ QUIET = b"""#pragma GCC diagnostic push
 
 
 def test_no_function_of_it_is_left_unused(tmp_path):
-    """One that was to go on from what is known, in blackouts, was never called: claims were far too small."""
+    """One that was to go on from what is known, in blackouts, was never called: claims were far too small.
+
+    With -flto the compiler tells, and leaves machine code for later.
+    """
     for name, text in sources().items():
         (tmp_path / name).write_bytes(QUIET % text if name == "dynamics.c" else text)
-    compiled(tmp_path, "-Wunused-function", "-flto", "-c", MAIN, "-o", "online.o")  # which leaves machine code for later
+    compiled(tmp_path, "-Wunused-function", "-flto", "-c", MAIN, "-o", "online.o")
 
 
 def test_fast_math_is_refused(tmp_path):

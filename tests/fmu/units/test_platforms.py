@@ -14,8 +14,8 @@ from baryscope.fmu.units import UNITS, blueprint_of
 @pytest.mark.parametrize("platform", [X86_64_WINDOWS, AARCH64_DARWIN], ids=lambda platform: platform.name)
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "target"])
 def test_clang_takes_the_sources(small, tmp_path, unit, platform):
-    """macOS' headers declare names that glibc's do not. TumblingTarget is built in full elsewhere, and so what LLVM makes
-    of such code on these platforms is left out here, which takes two thirds of the time.
+    """macOS' headers declare names that glibc's do not. TumblingTarget is built in full elsewhere, so what LLVM makes
+    of such code on these platforms is left out here: it takes two thirds of the time.
     """
     _, sources = describe_unit(blueprint_of(unit, small), 2)
     for name, content in (sources | interface_headers(2)).items():
