@@ -54,7 +54,7 @@ def own_cache(tmp_path_factory, testrun_uid):
     def steps(job):
         if os.environ.get("CFLAGS") != SOONER:
             return as_told(job)
-        level = ("-O2" if job.main == ALONE else "-O1" if FILTER in job.sources else SOONER,)
+        level = ("-O2" if job.main == ALONE else "-Og" if FILTER in job.sources else SOONER,)
         told = (SOONER,)
         if job.by_zig:
             told, level = ("-O3",), ZIG_SOONER
