@@ -3,8 +3,9 @@
 A flexible path can follow the body's rotation and so hide a wrong offset. There the linearised problem does not show
 the better solution, as errors of the attitudes times a change of the offset are of second order. So a smooth path
 starts from a straight line, from coefficients that decrease fast or slowly, and from a place at rest; any path starts
-without process noise. One on an orbit also starts with it, unless what it leaves without is no more than the noise of
-the features' distances from each other, which no path changes.
+without process noise. One on an orbit also starts with it, unless without it hardly anything hides: the rotation tells
+the offset, which is not that of noisy attitudes, and what is left is no more than the noise of the features' distances
+from each other, which no path changes.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,6 +14,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.observations import Observations
@@ -25,8 +27,9 @@ from baryscope.estimator.paths.process_noise import DENSITY
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import collinear_start
 from baryscope.estimator.pivot.drift import Drift, DriftEquations, drift_equations, frame_roots
-from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
+from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Solution, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information
+from baryscope.estimator.pivot.pivot_solution import spurious_of_known
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
@@ -43,6 +46,7 @@ SOFT_ROUNDS = 10  # of linear least squares with weights by the residuals of fra
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 CHANCE = 2.0  # standard deviations of the ratio of two variances, by which they differ as by chance
+FEIGNED = 0.02  # share of the information on an offset that noise of the attitudes feigns, up to which it tells it
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +54,8 @@ class _Trial:
     """A solution for some frames: bodies, x (p,), and observations with robust weights.
 
     held: the hyperparameters, by their logarithms, that the prior from which it began holds; theta (h,): the others of
-    that prior, or those of the path's own, from which steps go on; see `maximise`; cost: the weighted squares before
-    the last step.
+    that prior, or those of the path's own, from which steps go on; see `maximise`. last: the last step, and variance:
+    of an observation of weight 1 there.
     """
 
     bodies: tuple[Body, ...]
@@ -59,7 +63,8 @@ class _Trial:
     observations: Observations
     held: dict[str, float]
     theta: FloatArray | None = None
-    cost: float = np.inf
+    last: Solution | None = None
+    variance: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +101,8 @@ def linear_start(
         go_on = partial(_stepped, sampled=sampled, offset_information=offset_information, least=least, lasting=lasting)
         # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
         steps = STEPS if smooth or few.observations.precision is None else SETTLING
-        enough = None if smooth else partial(_is_explained, registered=registered, path_size=float(prior.free.sum()))
+        explained = partial(_is_explained, registered, sampled, float(prior.free.sum()))
+        enough = None if smooth else explained
         trials = _settled(begun, go_on, prior, steps, enough)
         found = trials[_best(trials, sampled, prior, least, lasting) if len(trials) > 1 else 0]
     else:
@@ -169,17 +175,27 @@ def _settled(
     return found
 
 
-def _is_explained(trial: _Trial, registered: Registered, path_size: float) -> bool:
-    """Whether a trial leaves no more of observations without covariances than the noise that registration found.
+def _is_explained(registered: Registered, sampled: SampledPath, path_size: float, trial: _Trial) -> bool:
+    """Whether a trial leaves no more of observations without covariances than the noise that registration found, with
+    offsets that the rotation tells, not the noise of the attitudes.
 
     Where many are outliers these may be part of that noise.
     """
     dof = values_for_path(trial.bodies, trial.observations) - path_size
-    doubtful = trial.observations.precision is not None or _rejects_many(trial.observations)
-    if doubtful or min(dof, registered.values) <= 0:
+    if (
+        trial.observations.precision is not None
+        or min(dof, registered.values) <= 0
+        or _rejects_many(trial.observations)
+    ):
+        return False
+    if trial.last is None or trial.last.offset_null_space.size:
         return False
     by_chance = 1 + CHANCE * float(np.sqrt(2 / dof + 2 / registered.values))
-    return trial.cost <= by_chance * dof * registered.noise**2
+    if trial.last.squares.sum() > by_chance * dof * registered.noise**2:
+        return False
+    origin = sampled.position(trial.x)
+    feigned = block_diag(*spurious_of_known(trial.bodies, trial.observations, origin, trial.variance, None))
+    return float(np.linalg.eigvals(trial.last.offset_covariance @ feigned).real.max()) <= FEIGNED
 
 
 def _stepped(
@@ -202,14 +218,14 @@ def _stepped(
     if theta is None and _has_many_outliers(observations) and not bodies[0].in_line:
         squares = linearised(bodies, observations, sampled, x, offset_information=offset_information).squares
         observations = observations.weighted(reweighted(squares, observations.weight, dof, least, many=True))
-    here, halvings, cost = None, 0, np.inf
+    here, halvings, solution, variance = None, 0, None, np.nan
     for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x, offset_information=offset_information)
         if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
             continue
-        halvings, cost = 0, float(problem.squares.sum())
-        variance = lasting * max(cost / dof, least)
+        halvings = 0
+        variance = lasting * max(float(problem.squares.sum()) / dof, least)
         theta = improved(scaled(problem, variance), prior, theta)
         solution = stepped(problem, prior, theta, variance)
         if observations.precision is not None:
@@ -219,7 +235,7 @@ def _stepped(
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least, many=True))
-    return _Trial(bodies, x, observations, trial.held, theta, cost)
+    return _Trial(bodies, x, observations, trial.held, theta, solution, variance)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:
