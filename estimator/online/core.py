@@ -5,6 +5,7 @@ import hashlib
 from enum import IntEnum
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 from baryscope.fmu.generate.codegen import c_source
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
@@ -32,6 +33,7 @@ __all__ = [
     "Thrust",
     "Tumble",
     "build",
+    "compiled",
     "library",
     "sources",
 ]
@@ -122,20 +124,28 @@ def _dynamics() -> str:
     return c_source(filter_functions()) + "".join(f"#define {name} {size}\n" for name, size in sizes.items())
 
 
-@cache
-def library() -> ctypes.CDLL:
-    """The compiled core, from the cache of the units' libraries or built now.
+def compiled(folder: Path) -> Path:
+    """The compiled core in a folder, from the cache of the units' libraries or built now.
 
     Raises:
         ComputationError: there is no C compiler, or it fails.
     """
     platform = host_platform()
     job = Job(sources(), MAIN, f"online{platform.suffix}", platform, tuple(find_compiler()))
-    content = compile_all([job])[platform]
+    path = folder / job.output
+    path.write_bytes(compile_all([job])[platform])
+    return path
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The compiled core, loaded.
+
+    Raises:
+        ComputationError: there is no C compiler, or it fails.
+    """
     with temporary_folder() as folder:
-        path = folder / job.output
-        path.write_bytes(content)
-        loaded = ctypes.CDLL(str(path))
+        loaded = ctypes.CDLL(str(compiled(folder)))
     numbers, names, thrust = ctypes.POINTER(_double), ctypes.POINTER(ctypes.c_longlong), ctypes.POINTER(Thrust)
     loaded.online_size.restype = ctypes.c_ulonglong
     loaded.online_start.argtypes = [ctypes.c_void_p, ctypes.POINTER(Options)]

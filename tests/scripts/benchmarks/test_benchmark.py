@@ -223,7 +223,7 @@ def test_the_pivot_stage_ends_where_the_tumble_is_known(short):
     """After a turn of Envisat, of some 100 s, and for good."""
     seen = estimating.tracks_of(short, np.arange(150.0), 10)
     still = np.zeros((150, 3))
-    taken, known = flying.in_c(seen, short.scenario.sensor.noise, short.scenario.orbit, still)
+    taken, known = flying.in_c(short.folder, seen, short.scenario.sensor.noise, short.scenario.orbit, still)
     begin = int(np.argmax(known))
     assert 60 < begin < 130
     assert known[begin:].all()
