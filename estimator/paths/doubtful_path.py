@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
 from baryscope.estimator.paths.forces import Force, ForcedPath
 from baryscope.estimator.paths.path import Path
-from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
@@ -31,16 +30,6 @@ class DoubtfulPath(ExtendedPath):
     end: float
     square: FloatArray
     follows: FloatArray
-
-    @property
-    def size(self) -> int:
-        """The number of unknowns, that of the base."""
-        return self.base.size
-
-    @property
-    def prior(self) -> Prior:
-        """The prior of the base."""
-        return self.base.prior
 
     def at(self, time: FloatArray) -> SampledPath:
         """See `Path`."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.prior import Prior
 
 FloatArray = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def named_factors(
 class ExtendedPath:
     """A path that adds something to another, `base`, whose name and gravity gradient it has.
 
-    Its unknowns are those of the base, then its own.
+    Its unknowns are those of the base, then its own, if it has any.
     """
 
     base: Path
@@ -41,6 +42,16 @@ class ExtendedPath:
     def name(self) -> str:
         """The model's name, that of the base."""
         return self.base.name
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the unknowns."""
+        return self.base.prior
 
     @property
     def frequency(self) -> float:

@@ -186,16 +186,6 @@ class ThrustedPath(ExtendedPath):
     end: float
 
     @property
-    def size(self) -> int:
-        """The number of unknowns."""
-        return self.base.size
-
-    @property
-    def prior(self) -> Prior:
-        """The prior of the base."""
-        return self.base.prior
-
-    @property
     def frequency(self) -> float:
         """Infinite: accelerations may jump."""
         return np.inf
