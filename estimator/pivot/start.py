@@ -28,6 +28,7 @@ from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import collinear_start
 from baryscope.estimator.pivot.drift import Drift, DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Solution, StepStart, linearised, squares_of_used
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.pivot.pivot_solution import spurious_of_known
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
@@ -46,7 +47,6 @@ SOFT_ROUNDS = 10  # of linear least squares with weights by the residuals of fra
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 CHANCE = 2.0  # standard deviations of the ratio of two variances, by which they differ as by chance
-FEIGNED = 0.02  # share of the information on an offset that noise of the attitudes feigns, up to which it tells it
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +101,7 @@ def linear_start(
         go_on = partial(_stepped, sampled=sampled, offset_information=offset_information, least=least, lasting=lasting)
         # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
         steps = STEPS if smooth or few.observations.precision is None else SETTLING
-        explained = partial(_is_explained, registered, sampled, float(prior.free.sum()))
-        enough = None if smooth else explained
+        enough = None if smooth else partial(_is_explained, registered, sampled, float(prior.free.sum()))
         trials = _settled(begun, go_on, prior, steps, enough)
         found = trials[_best(trials, sampled, prior, least, lasting) if len(trials) > 1 else 0]
     else:
@@ -195,7 +194,7 @@ def _is_explained(registered: Registered, sampled: SampledPath, path_size: float
         return False
     origin = sampled.position(trial.x)
     feigned = block_diag(*spurious_of_known(trial.bodies, trial.observations, origin, trial.variance, None))
-    return float(np.linalg.eigvals(trial.last.offset_covariance @ feigned).real.max()) <= FEIGNED
+    return float(np.linalg.eigvals(trial.last.offset_covariance @ feigned).real.max()) < SPURIOUS
 
 
 def _stepped(

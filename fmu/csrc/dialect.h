@@ -15,8 +15,9 @@
 #define UNROLL _Pragma("GCC unroll 16")
 
 /* A function that spends its time in long rows is compiled twice, the second time for processors that take four numbers at once and write results
-   elsewhere than over an operand, and the loader chooses: where it can, which is glibc, and where the compiler brings what asks the processor, which zig does not; nor where sanitizers would
-   be asked before they are ready. Numbers are the same, as there still are no sums in another order and no two operations in one. */
+   elsewhere than over an operand, and the loader chooses: where it can, which is glibc, and where the compiler brings what asks the processor, which
+   zig does not; nor where sanitizers would be asked before they are ready. Numbers are the same, as there still are no sums in another order and no
+   two operations in one. */
 #if defined(__gnu_linux__) && defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else
