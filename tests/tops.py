@@ -55,7 +55,7 @@ def straight(time):
 
 @contextmanager
 def unread(filter):
-    """Where nobody looks at the states that frames give: none is computed, which takes as long as to take a frame.
+    """Where nobody looks at the states that frames give: none is computed, as that takes time.
 
     `predict`, by which `update` computes them, changes nothing of the filter.
     """
