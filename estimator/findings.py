@@ -278,5 +278,5 @@ Finding = (
     | MovingFeatures
     | FreeAttitudes
 )
-UNCHECKED = FewFrames | FollowsRotation | Extrapolated | OtherBody
+UNCHECKED = FewFrames | Extrapolated | OtherBody
 MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut | DisagreeingClusters

@@ -125,7 +125,7 @@ def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | OtherBody) -
             return (
                 f"the path, of {finding.unknowns:.0f} unknowns, may follow the rotation, with a centre of mass that is "
                 "wrong by as much: of what the tracks tell of it, noise of the attitudes feigns "
-                f"{100 * min(finding.share, 1.0):.0f} %; the method ml has less freedom"
+                f"{100 * min(finding.share, 1.0):.0f} %; the claim allows for that; the method ml has less freedom"
             )
         case OtherBody():
             return (

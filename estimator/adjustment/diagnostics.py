@@ -35,8 +35,8 @@ def cluster_of(body: Body, points: FloatArray, covariance: FloatArray, labels: S
     return Cluster(own, body.features, body.frames, body.intervals, points - centroid, -centroid, covariance)
 
 
-def main_cluster(clusters: Sequence[Cluster]) -> int:
-    """The index of the cluster with an attitude in the most frames."""
+def main_cluster(clusters: Sequence[Cluster] | Sequence[Body]) -> int:
+    """The index of the cluster, or body, with an attitude in the most frames."""
     return max(range(len(clusters)), key=lambda index: len(clusters[index].frames))
 
 

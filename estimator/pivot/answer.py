@@ -45,7 +45,7 @@ def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOption
     """
     errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
-    joint = with_ridges(found, without_spurious_information(found))
+    joint, follows = following_rotation(found, with_ridges(found, without_spurious_information(found)))
     of_x, offsets = joint.of_x, joint.of_offsets
     if errors is not None and errors.scale is not None:
         offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
@@ -78,7 +78,7 @@ def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOption
         covered=covered_by(clusters, len(tracks.time)),
         converged=found.converged,
         rounds=found.rounds,
-        findings=found.findings + following_rotation(found, observability),
+        findings=found.findings + follows,
         method="pivot",
         path=found.path.name,
         options=options,

@@ -58,6 +58,10 @@ class JointCovariance:
         """The covariance with A Aᵀ added, for columns A (3 k + p, d)."""
         return replace(self, matrix=self.matrix + columns @ columns.T)
 
+    def displaced(self, distance: float, path: SampledPath) -> "JointCovariance":
+        """The covariance with a displacement of the path, by itself, by a distance along each axis, m."""
+        return self.grown(np.concatenate([np.zeros((3 * self.bodies, 3)), distance * _displacement(path)]))
+
 
 def without_spurious_information(found: PivotSolution) -> JointCovariance:
     """The joint covariance of a solution without spurious information, with burns of untold durations."""

@@ -12,6 +12,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.findings import Finding
+from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.hyperparameters.evidence import solved
 from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.paths.path import Path
@@ -178,15 +179,17 @@ class PivotSolution:
         """The share of what is likely spurious, in the direction where it is greatest."""
         return float(np.linalg.eigvals(self.solution.offset_covariance @ spurious.likely).real.max())
 
-    def shown_spurious_share_of(self, body: int, directions: FloatArray) -> float:
-        """The share as the rotation shows it for the offset of a body, by index, along unit vectors (d, 3) in its axes.
+    def shown_spurious_shares(self, body: int, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The shares (r,), ascending, as the rotation shows them for the offset of a body, by index, along unit vectors
+        (d, 3) in its axes; and measures (3, r) of a variance of 1 in the weights' units, whose shares these are.
 
         Other bodies may tell nothing of their offsets, and share the path; along other directions it may not be told.
         """
         own = slice(3 * body, 3 * body + 3)
         along = self.solution.offset_covariance[own, own] @ directions.T
-        feigned = along.T @ self.shown_spurious.likely[own, own] @ along
-        return float(np.linalg.eigvals(np.linalg.solve(directions @ along, feigned)).real.max())
+        root = np.linalg.pinv(factor_of(directions @ along))
+        shares, axes = np.linalg.eigh(root @ along.T @ self.shown_spurious.likely[own, own] @ along @ root.T)
+        return shares, directions.T @ root.T @ axes
 
     def at_mean(self, errors: SharedErrors | None) -> "PivotSolution":
         """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.

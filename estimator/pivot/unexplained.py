@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from baryscope.estimator.adjustment.diagnostics import main_cluster
 from baryscope.estimator.findings import FollowsRotation
-from baryscope.estimator.observability import UNOBSERVABLE, Observability
+from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.observability import PrincipalAxes
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.initial_solution import InitialSolution
-from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS, JointCovariance
 from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution
 from baryscope.estimator.pivot.reduced import bounded_cost
 from baryscope.estimator.pivot.refinement import refined
@@ -22,6 +24,7 @@ from baryscope.models.errors import ComputationError
 
 FAINT = 1e-30  # m²/s³: a density without effect
 FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
+PARTLY_FEIGNED = 0.1  # the same, in other directions: where one is wrong, they are
 HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two radii, four deviations, at most
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
@@ -70,22 +73,32 @@ def _cost_of(found: PivotSolution, start: InitialSolution, variance: float) -> f
     return bounded_cost(found.untied_problem, weight, variance, found.path.prior, found.posterior.theta)
 
 
-def following_rotation(found: PivotSolution, observability: Observability) -> tuple[FollowsRotation, ...]:
-    """The finding of a path that may follow the rotation, with an offset that is wrong by as much.
+def following_rotation(
+    found: PivotSolution, joint: JointCovariance
+) -> tuple[JointCovariance, tuple[FollowsRotation, ...]]:
+    """The joint covariance of a solution, wider where its path may follow the rotation; and the finding of that.
 
     Where hardly more than noise tells the offset, attitudes that outliers have spoilt, or that turn little, can make
-    such a path likelier than the true one; then neither is to be trusted. That is so of significant process noise,
-    along directions in which the claim does not hold any place in the body, and of a smooth path that is much curved,
-    unless the claim is that the offset is not told anyway.
+    such a path likelier than the true one, with an offset that is wrong by as much as the features are apart: the cost
+    near by tells nothing of that. It may be so of significant process noise, and of a smooth path that is much curved.
+    What is feigned of the offset of the main body, if only in part, and claimed to within HARMLESS of the features'
+    radius, is claimed to that instead; and so is the path, which has followed it where attitudes are seen, and in gaps
+    may be anywhere between.
     """
-    axes, radius = observability.body, observability.threshold / UNOBSERVABLE
-    if smooth_in(found.path) is None:
-        told = found.has(DENSITY) & (axes.deviations <= HARMLESS * radius)
-    else:
-        told = np.full(3, found.path_unknowns > CURVED and observability.observable.all())
-    if not told.any():
-        return ()
-    share = found.shown_spurious_share_of(observability.cluster, axes.directions[told])
-    if share <= FEIGNED:
-        return ()
-    return (FollowsRotation(share, found.path_unknowns),)
+    main = main_cluster(found.bodies)
+    own, most = slice(3 * main, 3 * main + 3), HARMLESS * rms_radius(found.bodies[main].points)
+    axes = PrincipalAxes.of(joint.of_offsets[main])
+    told = axes.directions[axes.deviations <= most]
+    free = found.has(DENSITY) if smooth_in(found.path) is None else found.path_unknowns > CURVED
+    if not (free and len(told)):
+        return joint, ()
+    shares, measures = found.shown_spurious_shares(main, told)
+    if not shares[-1] > FEIGNED:
+        return joint, ()
+    feigned = measures[:, shares > PARTLY_FEIGNED]
+    claimed = np.einsum("id,ij,jd->d", feigned, joint.matrix[own, own], feigned)
+    missing = np.maximum(most**2 * np.sum(feigned**2, axis=0) - claimed, 0.0)
+    solution = found.solution
+    changes = np.concatenate([solution.offset_covariance[:, own], solution.offset_path[own].T]) @ feigned
+    follows = FollowsRotation(float(shares[-1]), found.path_unknowns)
+    return joint.grown(changes * np.sqrt(missing)).displaced(most, found.sampled.itself), (follows,)

@@ -141,9 +141,9 @@ def test_j2_that_is_not_told_and_that_the_tracks_do_not_tell_is_allowed_for(obla
     assert max(deviations) < 16.3  # χ² of three degrees of freedom: 1 of 1000 is above it
 
 
-def test_process_noise_that_follows_the_rotation_is_announced():
-    """Four features, a tenth of their observations displaced, 0.4 turns: 1.9 m off at a claim of 0.5 m. A free tumble
-    has fewer unknowns, and tells the place.
+def test_the_claim_allows_for_process_noise_that_follows_the_rotation():
+    """Four features, a tenth of their observations displaced, 0.4 turns: 1.9 m off at a claim of 1.2 m without that. A
+    free tumble has fewer unknowns, and tells the place.
     """
     case = drawn(116, 0)
     tracks = sampled(case).tracks
@@ -152,7 +152,8 @@ def test_process_noise_that_follows_the_rotation_is_announced():
     assert finding.share > 0.5
     assert finding.unknowns > 12
     assert found.process_noise.significance > 100
-    assert found.status is Status.NOT_CHECKED
+    assert found.status is Status.NOT_OBSERVABLE
+    assert nees(found, case.path) < 5
     tumbling = estimate(tracks, method="ml", orbit=case.orbit)
     assert tumbling.status is Status.GOOD
     line = of_estimate(tumbling, case.path)
@@ -160,15 +161,18 @@ def test_process_noise_that_follows_the_rotation_is_announced():
     assert line["rmse"] < 0.05
 
 
-def test_a_smooth_path_that_follows_the_rotation_is_announced():
-    """Groups of 26 features on one side, a tenth of the labels exchanged: 0.55 m off at a claim of 0.03 m."""
+def test_the_claim_allows_for_a_smooth_path_that_follows_the_rotation():
+    """Groups of 26 features on one side, a tenth of the labels exchanged: 0.55 m off at a claim of 0.03 m without that,
+    where attitudes are seen and in the gap between.
+    """
     case = drawn(116, 72)
     found = estimate(sampled(case).tracks)
     (finding,) = [one for one in found.findings if isinstance(one, FollowsRotation)]
     assert finding.share > 0.2
     assert finding.unknowns > 12
-    assert found.status is Status.NOT_CHECKED
-    assert wrong(of_estimate(found, case.path))
+    assert found.status is Status.NOT_OBSERVABLE
+    assert np.linalg.norm(found.position - case.path, axis=1).min() > 0.4
+    assert nees(found, case.path) < 5
 
 
 def test_what_is_not_told_anyway_is_not_announced():
@@ -188,7 +192,7 @@ def test_attitudes_of_few_frames_feign_nothing_for_those_of_many():
     found = solve_pivot(sampled(case).tracks, None, PathOptions(trajectory="polynomial", sigma=sigma))
     assert found.shown_spurious_share > 1
     main = int(np.argmax([len(body.frames) for body in found.bodies]))
-    assert found.shown_spurious_share_of(main, np.eye(3)) < 0.1
+    assert found.shown_spurious_shares(main, np.eye(3))[0].max() < 0.1
 
 
 def in_two_windows(points, seed):
@@ -219,13 +223,14 @@ def test_process_noise_that_nothing_needs_is_not_found(points, seed):
     assert nees(found, com) < 12
 
 
-def test_directions_that_are_claimed_are_announced_though_others_are_not_told():
-    """Process noise of which most is feigned: the worst direction claims metres, the best one decimetres, 1 m off."""
+def test_what_is_feigned_is_not_claimed_where_other_directions_are_not_told():
+    """Process noise of which most is feigned: the worst direction claims metres, the best one claimed decimetres."""
     tracks, com = in_two_windows(3, 3)
     found = estimate(tracks, orbit=ORBIT)
     assert not found.observability.observable.all()
     assert [type(one) for one in found.findings] == [FollowsRotation, Departure]
-    assert found.status is Status.NOT_CHECKED
+    assert found.status is Status.NOT_OBSERVABLE
+    assert nees(found, com) < 5
     assert np.linalg.norm(found.position - com, axis=1).max() > 1.0
 
 
