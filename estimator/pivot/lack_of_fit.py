@@ -18,6 +18,7 @@ from baryscope.estimator.findings import (
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.paths.path import Polynomial
+from baryscope.estimator.paths.process_noise import DENSITY
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
@@ -30,6 +31,7 @@ from baryscope.estimator.tracks import FeatureTracks
 
 FloatArray = NDArray[np.float64]
 
+TELLING = 15.0  # frames, from which they tell how great process noise is
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 EXCESSIVE = 1e-5  # probability of that ratio by chance, below which it is named
 RADII = 3.0  # of the features, deviation of a position that slips, above which it is no pivot's
@@ -52,8 +54,9 @@ def misfits(found: PivotSolution, registered: Registered, tracks: FeatureTracks)
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
     told = frames / found.lasting
-    # Of a smooth path's unknowns the law tells some, and the covariance has its misfit.
-    if (told if smooth_in(found.path) is None else 2 * told) < unknowns:
+    # Of the unknowns of a smooth path, or of process noise, the law tells some, and the covariance has its misfit.
+    by_law = smooth_in(found.path) is not None or (found.has(DENSITY) and told >= TELLING)
+    if (2 * told if by_law else told) < unknowns:
         findings.append(FewFrames(frames, unknowns, found.lasting))
     return tuple(findings)
 

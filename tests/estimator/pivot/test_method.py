@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.estimator.paths.sampled_path import IsotropicPath
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prose import sentence
@@ -196,6 +197,21 @@ def test_half_as_many_frames_check_a_smooth_path(frames, checked):
     found = estimate(make_case(time, spin, at_rest(time), TEN, noise=0.02).tracks, method="pivot")
     few = [one for one in found.findings if isinstance(one, FewFrames)]
     assert [one.frames for one in few] == ([] if checked else [frames])
+
+
+@pytest.mark.parametrize(("frames", "checked"), [(12, False), (24, True)])
+def test_half_as_many_frames_check_process_noise_if_they_tell_it(frames, checked):
+    """White acceleration of 1e-8 m²/s³ moves the path by millimetres from frame to frame: nearly two unknowns each."""
+    time = 10.0 * np.arange(frames)
+    pushes = np.sqrt(1e-8 * 0.1) * np.random.default_rng(5).standard_normal((100 * frames, 3))  # m/s, each 0.1 s
+    drift = 0.1 * np.cumsum(np.cumsum(pushes, axis=0), axis=0)[::100]
+    com = RelativeOrbit(Orbit().model(), float(time[-1] / 2)).at(time).position(np.r_[START, 0.0, -10.0, 4.0]) + drift
+    case = make_case(time, attitude(ENVISAT, RATE, time), com, TEN, noise=0.005)
+    found = estimate(case.tracks, orbit=Orbit().model())
+    few = [one for one in found.findings if isinstance(one, FewFrames)]
+    assert [(one.frames, one.unknowns > frames) for one in few] == ([] if checked else [(frames, True)])
+    assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
+    assert np.linalg.norm(found.position - com, axis=1).max() < 5 * found.predicted_rmse
 
 
 def test_unknowns_that_only_a_prior_holds_are_not_counted():
