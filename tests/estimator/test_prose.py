@@ -85,8 +85,8 @@ def test_verdict_names_a_skew_axis():
         (
             FollowsRotation(0.934, 22.7),
             "the path, of 23 unknowns, may follow the rotation, with a centre of mass that is wrong by as much: of "
-            "what the tracks tell of it, noise of the attitudes feigns 93 %; the claim allows for that; the method ml has "
-            "less freedom",
+            "what the tracks tell of it, noise of the attitudes feigns 93 %; the claim allows for that; the method ml "
+            "has less freedom",
         ),
         (
             Extrapolated(26.14, 40.7),
