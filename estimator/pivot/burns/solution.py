@@ -93,10 +93,24 @@ def _with_likeliest(
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
         if not len(idle):
             burned = burned if burned.converged else _gone_on(burned, again, options)
-            return (burned, again) if burned.converged and gain_over(found, burned, start) > 0 else None
+            if not burned.converged or gain_over(found, burned, start) <= 0:
+                return None
+            return _without_them(burned, start, options) or (burned, again)
         # Without one of them others may be needed: half of them, so that even many soon come to an end.
         fit = without(equations, fit, idle[np.argsort(gains[idle])[: (len(idle) + 1) // 2]])
     return None
+
+
+def _without_them(
+    burned: PivotSolution, start: InitialSolution, options: PathOptions
+) -> tuple[PivotSolution, InitialSolution] | None:
+    """The solution without burns that is reached from one with them, and its start, if it is likelier.
+
+    Attitudes that outliers have spoilt may be right in the one with burns alone, which then is likelier for that.
+    """
+    near = start.near(burned)
+    plain = refined(near, options)
+    return (plain, near) if plain.converged and gain_over(burned, plain, start) > 0 else None
 
 
 def _gone_on(found: PivotSolution, start: InitialSolution, options: PathOptions) -> PivotSolution:

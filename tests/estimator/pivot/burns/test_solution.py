@@ -292,3 +292,16 @@ def test_a_search_that_leads_off_finds_none():
     found = estimate(sampled(made).tracks, orbit=made.orbit, options=PathOptions(sigma=1.0))
     assert found.status is Status.GOOD
     assert np.linalg.norm(found.position - made.path, axis=1).max() < 0.05
+
+
+def test_attitudes_that_only_a_solution_with_a_burn_has_right_are_no_burn():
+    """A quarter of the observations displaced, 200 frames: frames whose attitude outliers have spoilt were right in the
+    solution with a burn alone, which was likelier for that.
+    """
+    made, about = drawn(166, 16), slice(0, 200)
+    seen = sampled(made).tracks
+    tracks = FeatureTracks(seen.time[about], seen.position[about], seen.labels, seen.covariance[about])
+    found = estimate(tracks, orbit=made.orbit, options=PathOptions(sigma=made.told))
+    assert not any(isinstance(one, UnknownBurn) for one in found.findings)
+    error = found.position - made.path[about]
+    assert np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error).max() < 25
