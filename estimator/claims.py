@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.diagnostics import observability_of, with_attitude
 from baryscope.estimator.distances import contradict
 from baryscope.estimator.findings import (
+    ContradictedPath,
     Departure,
     DisagreeingClusters,
     ExcessResiduals,
@@ -24,10 +25,11 @@ from baryscope.estimator.findings import (
 )
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.symmetric import factor_of
-from baryscope.estimator.prediction import BurnsBeyond, PredictedBody, PredictedPath, Widening
+from baryscope.estimator.prediction import PredictedBody, PredictedPath
 from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import Cluster, Estimate, Motion, Status
 from baryscope.estimator.tracks import FeatureTracks, errors_of
+from baryscope.estimator.widening import BurnsBeyond, UncheckedLaw, Widening
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -42,8 +44,7 @@ BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 def claimed(result: Estimate, tracks: FeatureTracks) -> Estimate:
     """The result with its departure, extrapolation and frames left out named, and as wide as its misfits show."""
     named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
-    named = _with_burns_beyond(named)
-    named = replace(named, findings=named.findings + _extrapolated(named, tracks))
+    named = _with_unchecked_law(_with_burns_beyond(named), tracks)
     return widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
 
@@ -77,27 +78,38 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     return (FramesLeftOut(float(begin), float(end), int(run), float(np.median(shift))),)
 
 
-def _extrapolated(result: Estimate, tracks: FeatureTracks) -> tuple[Extrapolated, ...]:
-    """A finding if a path is extrapolated where features contradict it, or so far that its law claims more than the
-    tracks.
+def _with_unchecked_law(result: Estimate, tracks: FeatureTracks) -> Estimate:
+    """The result with a finding if a path is extrapolated where features contradict it, or so far that its law claims
+    more than the tracks, and wider there.
 
     The law of a smooth path is what this shows where it is seen. Whether it holds beyond, as on an ellipse that nears
     its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have.
     """
     seen = with_attitude(result.used & ~result.rejected)
     if result.covariance is None or not len(seen):
-        return ()
-    begin, end = result.time[seen[[0, -1]]]
+        return result
+    begin, end = result.time[seen[[0, -1]]].tolist()
     if any(_contradicted(result, tracks, side) for side in (result.time < begin, result.time > end)):
-        return (Extrapolated(float(begin), float(end), contradicted=True),)
+        return replace(result, findings=(*result.findings, ContradictedPath(begin, end)))
     lawful = result.path != SMOOTH and not any(isinstance(one, Departure | UnknownBurn) for one in result.findings)
     if lawful or result.observability is None:
-        return ()
+        return result
     told = int(result.observability.observable.sum())
     variance = np.linalg.eigvalsh(result.covariance)[:, :told].sum(axis=1)
-    if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
-        return ()
-    return (Extrapolated(float(begin), float(end)),)
+    within = float(variance[seen[0] : seen[-1] + 1].max())
+    if variance.max() <= FAR**2 * within:
+        return result
+    law, motion = UncheckedLaw(begin, end, told, within), result.motion
+    factor = law.factor(result.time, result.covariance)[:, None, None]
+    if motion.velocity_covariance is not None:
+        motion = replace(motion, velocity_covariance=factor * motion.velocity_covariance)
+    return replace(
+        result,
+        findings=(*result.findings, Extrapolated(begin, end)),
+        covariance=factor * result.covariance,
+        motion=motion,
+        widening=result.widening.then(Widening(law=law)),
+    )
 
 
 def _contradicted(result: Estimate, tracks: FeatureTracks, beyond: BoolArray) -> bool:

@@ -13,9 +13,10 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.claims import with_wider
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.paths.extended_path import named_factors
-from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, beyond
+from baryscope.estimator.prediction import Point, Prediction, Predictor
 from baryscope.estimator.result import Cluster, Estimate, Motion
 from baryscope.estimator.tracks import FeatureTracks, errors_of
+from baryscope.estimator.widening import UNCHANGED, beyond
 
 FloatArray = NDArray[np.float64]
 

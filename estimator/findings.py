@@ -142,12 +142,21 @@ class FollowsRotation:
 class Extrapolated:
     """Attitudes are seen from begin to end, in s, only: before or after, the path is extrapolated far.
 
-    contradicted: whether features that are seen there do not stay at their distances from it.
+    Nothing checks its law there, so that the deviation claimed is doubled.
     """
 
     begin: float
     end: float
-    contradicted: bool = False
+
+
+@dataclass(frozen=True)
+class ContradictedPath:
+    """Attitudes are seen from begin to end, in s, only: features seen before or after do not stay at their distances
+    from the path.
+    """
+
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -262,6 +271,7 @@ Finding = (
     | FewFrames
     | FollowsRotation
     | Extrapolated
+    | ContradictedPath
     | DifferentPoints
     | DisagreeingClusters
     | OtherBody
@@ -278,5 +288,5 @@ Finding = (
     | MovingFeatures
     | FreeAttitudes
 )
-UNCHECKED = FewFrames | Extrapolated | OtherBody
+UNCHECKED = FewFrames | ContradictedPath | OtherBody
 MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut | DisagreeingClusters

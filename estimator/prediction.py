@@ -27,6 +27,7 @@ from baryscope.estimator.paths.forces import lasting, untold_firings
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.turning import TurningPoint, carried, curved
+from baryscope.estimator.widening import Widening
 from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
 from baryscope.models.words import brief
@@ -39,7 +40,6 @@ Point = str | Sequence[float] | FloatArray | None
 CHUNK = 4000  # times at once: a few hundred megabytes
 BEYOND = 8  # modes of process noise that count, over those that are estimated
 FARTHEST = 1e4  # m from the centroid of the features
-UNLIKELY = 0.005  # number of burns that are expected, below which none is reckoned with: as many answers may be wrong
 MANY = 500  # times, between which the variance of what is untold of a velocity is interpolated
 
 
@@ -62,75 +62,9 @@ class Prediction:
         """The prediction of position and velocity (n, 6), with their covariance (n, 6, 6)."""
         return cls(time, state[:, :3], state[:, 3:], covariance)
 
-    def widened(self, by: "Widening", begin: float, end: float) -> "Prediction":
+    def widened(self, by: Widening, begin: float, end: float) -> "Prediction":
         """With a wider covariance; begin, end: of the tracks, s."""
-        found = by.of_both(self.covariance, beyond(self.time, begin, end))
-        return replace(self, covariance=found if by.burns is None else found + by.burns.covariance(self.time))
-
-
-@dataclass(frozen=True)
-class BurnsBeyond:
-    """Burns before and after begin … end, s, as those that were found between them, `rate` per s.
-
-    Burns at random times change the velocity as white acceleration does, of which the trace of the density is the mean
-    of their squared changes, `square` in (m/s)², over the time between them (Campbell's theorem). That is the variance
-    over all draws: where less than one burn is expected, most have none, and some a whole one. So it is that of one
-    there, unless one is unlikely.
-    """
-
-    begin: float
-    end: float
-    rate: float
-    square: float
-
-    def covariance(self, time: FloatArray) -> FloatArray:
-        """The covariance (n, 6, 6) that they add to position and velocity at times (n,), in m and s."""
-        away = beyond(time, self.begin, self.end)
-        expected = self.rate * np.abs(away)
-        of_velocity = np.where(expected > UNLIKELY, np.maximum(expected, 1.0), 0.0) * self.square / 3
-        both = np.array([[away**2 / 3, away / 2], [away / 2, np.ones_like(away)]])
-        return np.asarray(np.kron(np.moveaxis(of_velocity * both, 2, 0), np.eye(3)))
-
-
-@dataclass(frozen=True)
-class Widening:
-    """What a misfit adds to covariances: a factor on them, and variances of each coordinate of position and velocity.
-
-    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations; burns: what is not
-    seen of these comes to it.
-    """
-
-    factor: float = 1.0
-    variance: float = 0.0
-    velocity: float = 0.0
-    burns: BurnsBeyond | None = None
-
-    def then(self, by: "Widening") -> "Widening":
-        """This one, and what it gives widened by another."""
-        velocity = by.factor * self.velocity + by.velocity
-        burns = self.burns if by.burns is None else by.burns
-        return Widening(self.factor * by.factor, by.factor * self.variance + by.variance, velocity, burns)
-
-    def of_position(self, covariance: FloatArray) -> FloatArray:
-        """A covariance (..., 3, 3) of positions in m², widened."""
-        return np.asarray(self.factor * covariance + self.variance * np.eye(3))
-
-    def of_velocity(self, covariance: FloatArray) -> FloatArray:
-        """A covariance (..., 3, 3) of velocities in (m/s)², widened."""
-        return np.asarray(self.factor * covariance + self.velocity * np.eye(3))
-
-    def of_both(self, covariance: FloatArray, beyond: FloatArray) -> FloatArray:
-        """A covariance (n, 6, 6) of position and velocity, widened, at times (n,) beyond the tracks, see `beyond`."""
-        found = self.factor * covariance
-        axes = np.arange(3)
-        found[:, axes, axes] += (self.variance + self.velocity * beyond**2)[:, None]
-        found[:, axes, axes + 3] += (self.velocity * beyond)[:, None]
-        found[:, axes + 3, axes] += (self.velocity * beyond)[:, None]
-        found[:, axes + 3, axes + 3] += self.velocity
-        return found
-
-
-UNCHANGED = Widening()
+        return replace(self, covariance=by.of_both(self.covariance, self.time, begin, end))
 
 
 class Predictor(Protocol):
@@ -352,11 +286,6 @@ def point_in_body(
     by_points = np.zeros((3, m, 3))
     by_points[:, attached] = by_own.reshape(3, -1, 3)
     return own.mean(axis=0) + coordinates, by_points.reshape(3, 3 * m)
-
-
-def beyond(time: FloatArray, begin: float, end: float) -> FloatArray:
-    """How far times (n,) are after the end, or, below zero, before the begin, in s; zero between them."""
-    return np.asarray(time - np.clip(time, begin, end))
 
 
 def times_of(time: ArrayLike) -> FloatArray:

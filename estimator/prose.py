@@ -9,6 +9,7 @@ from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.findings import (
     FREE_TUMBLE,
     ChangingNoise,
+    ContradictedPath,
     Departure,
     DepthNoise,
     DifferentPoints,
@@ -63,7 +64,7 @@ def sentence(finding: Finding) -> str:
             LackOfFit() | ExcessResiduals() | FramesLeftOut() | Departure() | DisagreeingClusters() | DifferentPoints()
         ):
             return _of_misfit(finding)
-        case FewFrames() | FollowsRotation() | Extrapolated() | OtherBody():
+        case FewFrames() | FollowsRotation() | Extrapolated() | ContradictedPath() | OtherBody():
             return _of_doubt(finding)
         case WrongOrbit() | EstimatedOrbit() | UntoldOblateness() | UntoldAccuracy():
             return _of_orbit(finding)
@@ -112,7 +113,7 @@ def _of_misfit(
             return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
 
 
-def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | OtherBody) -> str:
+def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | ContradictedPath | OtherBody) -> str:
     """What the tracks cannot check, in words."""
     match finding:
         case FewFrames():
@@ -132,11 +133,11 @@ def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | OtherBody) -
                 f"{', '.join(finding.labels)} are rigid among themselves, but move against the features of the "
                 "estimate: another body, which is left out; if it is the one that is meant, leave out the others"
             )
-        case Extrapolated():
+        case Extrapolated() | ContradictedPath():
             what = (
-                "and features that are seen there contradict it"
-                if finding.contradicted
-                else "which nothing checks without an orbit that has all forces"
+                "which nothing checks without an orbit that has all forces: the claim there is twice as wide"
+                if isinstance(finding, Extrapolated)
+                else "and features that are seen there contradict it"
             )
             return (
                 f"attitudes are seen from {finding.begin:.1f} to {finding.end:.1f} s only: beyond, the path is "

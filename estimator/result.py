@@ -20,8 +20,9 @@ from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
 from baryscope.estimator.paths.extended_path import Factor
-from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
+from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
 from baryscope.estimator.registration.intervals import Interval
+from baryscope.estimator.widening import UNCHANGED, Widening
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.words import brief, counted, length
 

@@ -25,7 +25,7 @@ LAYERS = [
     ["estimator.registration", "estimator.plausibility", "estimator.formats", "estimator.images"],
     ["estimator.details", "estimator.paths"],
     ["estimator.dynamics", "estimator.hyperparameters"],
-    ["estimator.turning"],
+    ["estimator.turning", "estimator.widening"],
     ["estimator.prediction"],
     ["estimator.findings", "estimator.distances"],
     ["estimator.result"],

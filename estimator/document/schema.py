@@ -97,6 +97,7 @@ class FindingPart(Part):
         "few-frames",
         "follows-rotation",
         "extrapolated",
+        "contradicted-path",
         "different-points",
         "disagreeing-clusters",
         "other-body",
@@ -154,11 +155,10 @@ class FindingPart(Part):
     eccentricity_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation")
     j2: float | None = Field(None, description="untold-oblateness: of the Earth, which the estimate has, or allows for")
     certain: bool | None = Field(None, description="untold-oblateness: whether the tracks are likelier with J2")
-    begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: begin, s")
+    begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated, contradicted-path, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
-    end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")
+    end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated, contradicted-path, s")
     end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
-    contradicted: bool | None = Field(None, description="extrapolated: whether features seen there contradict it")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
     axes: Literal["lvlh", "inertial", "sun"] | None = Field(

@@ -13,9 +13,10 @@ from baryscope.estimator.ekf.spurious import growth
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.estimator.paths.extrapolated_path import extrapolated
 from baryscope.estimator.paths.process_noise import MIDDLE, lasting_variance
-from baryscope.estimator.prediction import Point, Prediction, beyond, grown_outside, point_in_body
+from baryscope.estimator.prediction import Point, Prediction, grown_outside, point_in_body
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 from baryscope.estimator.turning import OF_MOTION, TurningPoint, carried, curved
+from baryscope.estimator.widening import beyond
 
 AT_ONCE = 5000  # times, at each of which is a node of the smoother
 

@@ -23,9 +23,9 @@ from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.noise.changes import Misfit, Part, noise_parts
 from baryscope.estimator.noise.depth import DepthRatio, depth_ratio, deviations, with_noisier_depths
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.widening import Widening
 from baryscope.models.errors import ComputationError
 
 FloatArray = NDArray[np.float64]

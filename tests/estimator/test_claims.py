@@ -84,7 +84,9 @@ def test_a_burn_beyond_counts_as_its_mean_square_over_the_times_when_it_may_be(s
     found = [one for one in claim.findings if isinstance(one, Extrapolated)]
     assert [(one.begin, one.end) for one in found] == [(0.0, 60.0)] * announced
     np.testing.assert_allclose(claim.covariance[:-1], covariance[:-1])
-    np.testing.assert_allclose(claim.covariance[-1] - covariance[-1], variance / 3 * np.eye(3), rtol=2e-3, atol=1e-9)
+    doubled = 1 + 3 * (1 - 1 / (1 + 8 * share)) if announced else 1.0  # of the variance over that within
+    expected = doubled * (covariance[-1] + variance / 3 * np.eye(3))
+    np.testing.assert_allclose(claim.covariance[-1], expected, rtol=2e-3, atol=1e-9)
 
 
 def test_burns_beyond_move_and_speed_what_is_predicted():

@@ -12,7 +12,8 @@ from baryscope.estimator.claims import with_wider
 from baryscope.estimator.findings import FreeAttitudes, UnknownPush
 from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
-from baryscope.estimator.prediction import PredictedPath, Widening
+from baryscope.estimator.prediction import PredictedPath
+from baryscope.estimator.widening import Widening
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, pushed, turning
 from results import an_estimate
@@ -241,11 +242,11 @@ def test_what_is_widened_twice_is_as_wide_as_both_make_it():
     path = PredictedPath(Polynomial(1, 0.0, 10.0), np.zeros(6), np.diag(np.arange(1.0, 7.0)), 0.0, 10.0)
     first, second, ahead = Widening(2.0, 0.3, 0.01), Widening(1.5, 0.1, 0.02), np.array([-8.0, 5.0, 20.0])
     found = an_estimate(time=np.arange(11.0), predictor=path)
-    alone, outside = found.predict(ahead).covariance, np.array([-8.0, 0.0, 10.0])
+    alone = found.predict(ahead).covariance
     np.testing.assert_array_equal(alone, path.at(ahead, None).covariance)
     for by in (first, second):
         found = with_wider(found, found.covariance, found.clusters, found.motion, by)
-    expected = second.of_both(first.of_both(alone, outside), outside)
+    expected = second.of_both(first.of_both(alone, ahead, 0.0, 10.0), ahead, 0.0, 10.0)
     np.testing.assert_allclose(found.predict(ahead).covariance, expected, rtol=1e-12)
 
 

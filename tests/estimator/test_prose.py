@@ -3,6 +3,7 @@ import pytest
 
 from baryscope.estimator.findings import (
     ChangingNoise,
+    ContradictedPath,
     Departure,
     DepthNoise,
     DifferentPoints,
@@ -91,10 +92,10 @@ def test_verdict_names_a_skew_axis():
         (
             Extrapolated(26.14, 40.7),
             "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, which nothing checks "
-            "without an orbit that has all forces",
+            "without an orbit that has all forces: the claim there is twice as wide",
         ),
         (
-            Extrapolated(26.14, 40.7, contradicted=True),
+            ContradictedPath(26.14, 40.7),
             "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, and features that are seen "
             "there contradict it",
         ),
@@ -172,7 +173,7 @@ def test_summary_has_noise_rejected_features_and_every_finding():
         "did not converge: the result is a rough approximation only",
         "note: a: not the same in clusters 0 and 1, no tie point",
     ]
-    unchecked = an_estimate(findings=(Extrapolated(2.0, 3.0),))
+    unchecked = an_estimate(findings=(ContradictedPath(2.0, 3.0),))
     assert summary(unchecked)[2] == "not checked: not to be trusted, for what is noted here"
     factor = an_estimate(noise=Noise(None, 1.2, relative=True))
     assert "noise √1.44 times that of the tracks' covariances" in summary(factor)[0]

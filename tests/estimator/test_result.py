@@ -5,6 +5,7 @@ import pytest
 
 from baryscope.estimator.findings import (
     ChangingNoise,
+    ContradictedPath,
     DepthNoise,
     DifferentPoints,
     DisagreeingClusters,
@@ -62,6 +63,7 @@ def test_status_is_the_most_severe_defect():
         UnknownPush("sun", (1e-7,), (1e-9,)),
         MovingFeatures(("a",)),
         FollowsRotation(0.9, 30.0),
+        Extrapolated(2.0, 3.0),
         *noises,
     ):
         assert an_estimate(findings=(remark,)).status is Status.GOOD
@@ -69,7 +71,7 @@ def test_status_is_the_most_severe_defect():
     for misfit in misfits:
         assert an_estimate(clusters=hidden, findings=(misfit,)).status is Status.MODEL_DOES_NOT_FIT
         assert an_estimate(findings=(FewFrames(7, 9.2), misfit)).status is Status.MODEL_DOES_NOT_FIT
-    for unchecked in (FewFrames(7, 9.2), Extrapolated(2.0, 3.0), OtherBody(("a",))):
+    for unchecked in (FewFrames(7, 9.2), ContradictedPath(2.0, 3.0), OtherBody(("a",))):
         assert an_estimate(clusters=hidden, findings=(unchecked,)).status is Status.NOT_CHECKED
     assert an_estimate(converged=False, findings=misfits).status is Status.NOT_CONVERGED
     assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]
