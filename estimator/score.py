@@ -32,7 +32,7 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
 )
 from baryscope.estimator.details import ScoreDetails
-from baryscope.estimator.findings import ExcessResiduals, Finding, LackOfFit
+from baryscope.estimator.findings import ExcessResiduals, FewFrames, Finding, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
@@ -294,7 +294,12 @@ def _spurious_information(registered: Registered, inliers: BoolArray) -> Spuriou
 def _findings(
     registered: Registered, inliers: BoolArray, time: FloatArray, fit: Fit, path: str, lasting: float
 ) -> tuple[Finding, ...]:
-    """What tells that the centre moves: residuals with a trend, or else too large ones, unless they are rounding."""
+    """What tells that the centre moves: residuals with a trend, or else too large ones, unless they are rounding; or
+    that there are too few frames to tell.
+    """
+    frames, unknowns = sum(len(body.frames) for body in registered.bodies), 3.0 * (DEGREE + 1 + len(fit.offsets))
+    if 2 * frames / lasting < unknowns:
+        return (FewFrames(frames, unknowns, lasting),)
     trend = _lack_of_fit(registered, time, fit, path, lasting)
     if trend is not None:
         return (trend,)
@@ -323,8 +328,6 @@ def _lack_of_fit(registered: Registered, time: FloatArray, fit: Fit, path: str, 
     basis = np.linalg.qr(powers - powers.mean(axis=0))[0][:, 1:]
     explained = basis @ (basis.T @ residual)
     values = residual.size - 3 * (DEGREE + 1) - 3 * len(fit.offsets)
-    if values < 1:
-        return None
     variance = max(float(np.sum((residual - explained) ** 2)) / values, _rounding(fit))
     gain, dof = float(np.sum(explained**2)) / (lasting * variance), 3 * DEGREE
     if fdtrc(dof, values / lasting, gain / dof) > SIGNIFICANCE:
@@ -347,8 +350,6 @@ def _excess_residuals(registered: Registered, inliers: BoolArray, fit: Fit, path
         of_centroid = 3 * registered.noise**2 / inliers[body.block].sum(axis=1)
         expected += float(np.sum(of_turn + of_centroid))
         values += 3 * len(body.frames)
-    if values < 1:
-        return None
     ratio = fit.variance * values / max(expected, 1e-300)
     if ratio <= max(MAX_VARIANCE_RATIO, float(chdtri(values, SIGNIFICANCE)) / values) or registered.noise == 0:
         return None

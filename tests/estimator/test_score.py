@@ -6,7 +6,7 @@ from scipy.linalg import lstsq
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.findings import LackOfFit
+from baryscope.estimator.findings import FewFrames, LackOfFit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.body import Body
@@ -111,6 +111,17 @@ def test_a_motion_that_residuals_do_not_show_is_allowed_for_unless_the_centre_is
     assert max(moving) < 16.3  # of χ² with three degrees of freedom, 1e-3
     # The mean of twenty χ² of three degrees of freedom has the deviation √(6/20).
     assert np.mean(at_rest) == pytest.approx(3, abs=4 * np.sqrt(6 / 20))
+
+
+@pytest.mark.parametrize(("frames", "checked"), [(8, False), (9, True)])
+def test_in_too_few_frames_nothing_tells_whether_the_centre_moves(frames, checked):
+    """A motion of fifteen unknowns is looked for, beside an offset: half as many frames are needed."""
+    some = 30.0 * np.arange(frames)
+    turning = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), some)
+    case = make_case(some, turning, np.tile(CENTRE, (frames, 1)), box_features(8, (3, 2, 1), 1), noise=0.02)
+    found = estimate(case.tracks, method="score")
+    assert found.findings == (() if checked else (FewFrames(frames, 18.0),))
+    assert found.status.trustworthy == checked
 
 
 def test_a_pure_spin_is_not_observable(time):
