@@ -165,17 +165,17 @@ class _SubsampledSolution:
         holding = HELD * variance * measures.T
         last: Step | None = None
         for step in range(MOST_STEPS):
-            problem = linearised(
-                place.bodies, self.observations, self.path, place.x, self.shifts, found.offset_prior_information
-            )
-            precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
-            there = replace(
-                problem,
-                matrix=problem.matrix + holding @ measures,
-                rhs=problem.rhs + holding @ (target - measures @ (place.x - found.solution.x)),
-                sizes=problem.sizes + np.einsum("pd,dp->p", holding, measures),
-            )
-            try:
+            try:  # a step may lead to where no orbit is
+                problem = linearised(
+                    place.bodies, self.observations, self.path, place.x, self.shifts, found.offset_prior_information
+                )
+                precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
+                there = replace(
+                    problem,
+                    matrix=problem.matrix + holding @ measures,
+                    rhs=problem.rhs + holding @ (target - measures @ (place.x - found.solution.x)),
+                    sizes=problem.sizes + np.einsum("pd,dp->p", holding, measures),
+                )
                 solution = there.step(variance * precision)
             except ComputationError:
                 return None

@@ -13,7 +13,7 @@ from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.ridge import Step, secant_step, with_ridges
 from baryscope.study.population.cases import drawn
-from baryscope.study.population.judging import of_estimate, wrong
+from baryscope.study.population.judging import of_estimate, prepared, wrong
 from baryscope.study.population.sensing import sampled
 from synthetic import make_case
 
@@ -49,6 +49,16 @@ def test_the_ridge_of_an_exact_spin_is_straight(frames: int):
     column = 3.0 * np.concatenate([*in_body, AXIS])[:, None]
     straight = JointCovariance(1e-12 * np.eye(len(column)), len(exact.bodies)).grown(column)
     assert np.abs(with_ridges(exact, straight).matrix - straight.matrix).max() < 1e-6  # m² of 9
+
+
+def test_a_ridge_that_leads_to_where_no_orbit_is_ends_there():
+    """A spin of half a degree of nutation, of which six of 33 frames show an attitude: thousands of kilometres off."""
+    case, sample, _ = prepared(29, 29, "second")
+    found = solve_pivot(sample.tracks, case.orbit, PathOptions(sigma=case.told))
+    covariance = without_spurious_information(found)
+    wider = with_ridges(found, covariance)
+    assert np.trace(wider.of_x) > np.trace(covariance.of_x)
+    assert np.isfinite(wider.matrix).all()
 
 
 @pytest.mark.parametrize(("degrees", "noise", "seed"), [(150, 0.1, 2), (60, 0.1, 2), (150, 0.2, 4)])
