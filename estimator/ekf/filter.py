@@ -13,7 +13,7 @@ from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.tracks import BoolArray, FloatArray
 
 SYMMETRISED = 8  # nodes between two symmetrisations of the covariance
-BLOCK = 256  # nodes whose contributions to the cost are added, and whose smoothed states are found, at once
+BLOCK = 32  # nodes whose contributions to the cost are added, and whose smoothed states are found, at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,46 +83,53 @@ def filtered(system: Linearised, noise: ProcessNoise, history: FilterHistory | N
     for begin in range(0, n, BLOCK):
         part = slice(begin, min(begin + BLOCK, n))
         size = part.stop - begin
-        rhs = np.concatenate([system.rhs[part], np.zeros((size, 6, d))], axis=2)
-        expected, whitened, S = np.zeros((k, size, 6, c)), np.zeros((k, size, 6, c)), np.zeros((size, k, 6, 6))
+        rhs, drive = _widened(system.rhs[part], c + d), _widened(system.drive[part], c + d)
+        added = (noise.density @ units[part]).reshape(-1, k, d, d)
+        seen, innovation = np.zeros((k, size, 6, c + d)), np.zeros((k, size, 6, c + d))
         ratio = np.tile(np.eye(6), (size, k, 1, 1))
         for at in range(size):
             j = begin + at
-            if j:
-                F = system.transition[j - 1]
-                both = F @ both
-                both[:, :, : system.drive.shape[2]] += system.drive[j - 1]
-                P = both[:, :, c:] @ F.T
-                if at % SYMMETRISED == 0:
-                    P = 0.5 * (P + P.transpose(0, 2, 1))
-                both[:, :, c:] = P + (noise.density @ units[j - 1]).reshape(k, d, d)
             if history:
                 history.predicted[j] = both
-            if not system.seen[j]:
-                continue
-            G, information = system.observed[j], system.information[j]
-            seen = G @ both
-            GP = seen[:, :, c:]
-            S[at] = GP @ G.T
-            if shift is not None:
-                S[at] += shift
-            ratio[at] += information @ S[at]
-            innovation = _inverse(ratio[at]) @ (rhs[at] - information @ seen)
-            both += GP.transpose(0, 2, 1) @ innovation
-            expected[:, at], whitened[:, at] = seen[:, :, :c], innovation[:, :, :c]
-            if history:
-                history.innovations[j] = innovation
-        corrected = S.transpose(1, 0, 2, 3) @ whitened + expected
+            if system.seen[j]:
+                G, information = system.observed[j], system.information[j]
+                expected = np.matmul(G, both, out=seen[:, at])
+                told = information @ expected
+                ratio[at] += told[:, :, c:] @ G.T
+                if shift is not None:
+                    ratio[at] += information @ shift
+                whitened = np.matmul(_inverse(ratio[at]), rhs[at] - told, out=innovation[:, at])
+                both += expected[:, :, c:].transpose(0, 2, 1) @ whitened
+            if j < n - 1:
+                F = system.transition[j]
+                both = F @ both
+                both += drive[at]
+                P = both[:, :, c:] @ F.T
+                if j % SYMMETRISED == 0:
+                    P = 0.5 * (P + P.transpose(0, 2, 1))
+                np.add(P, added[at], out=both[:, :, c:])
+        S = seen[..., c:] @ system.observed[part].transpose(0, 2, 1)
+        if shift is not None:
+            S += shift[:, None]
+        corrected = S @ innovation[..., :c] + seen[..., :c]
         own = system.rhs[part].reshape(-1, c)
         for member in range(k):
             half = own.T @ corrected[member].reshape(-1, c)
-            half += expected[member].reshape(-1, c).T @ whitened[member].reshape(-1, c)
+            half += seen[member].reshape(-1, c + d)[:, :c].T @ innovation[member].reshape(-1, c + d)[:, :c]
             cost[member] -= half
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
         if history:
+            history.innovations[part] = innovation.swapaxes(0, 1)
             history.precision[part] = _inverse(ratio) @ system.information[part, None]
     asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
     return Forward(0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant)
+
+
+def _widened(columns: FloatArray, width: int) -> FloatArray:
+    """Matrices (n, d, width) of the columns (n, d, c) and zeros."""
+    found = np.zeros((*columns.shape[:2], width))
+    found[:, :, : columns.shape[2]] = columns
+    return found
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -149,21 +156,16 @@ def smoothed(system: Linearised, history: FilterHistory) -> tuple[FloatArray, Fl
     both = np.zeros((k, d, width))  # the adjoint of the state, and its covariance
     for begin in reversed(range(0, n, BLOCK)):
         part = slice(begin, min(begin + BLOCK, n))
-        adjoint = np.empty((part.stop - begin, k, d, width))
-        information = history.precision[part] @ system.observed[part, None]
-        for j in reversed(range(begin, part.stop)):
-            if j < n - 1:
-                F = system.transition[j]
-                both = F.T @ both
-                both[:, :, c:] = both[:, :, c:] @ F
-            if system.seen[j]:
-                G, innovation = system.observed[j], history.innovations[j]
-                both[:, :, c:] += both[:, :, c:] @ innovation[:, :, c:].transpose(0, 2, 1) @ G
-                inner = innovation[:, :, c:] @ both
-                inner[:, :, :c] += innovation[:, :, :c]
-                inner[:, :, c:] += information[j - begin]
-                both += G.T @ inner
-            adjoint[j - begin] = both
+        G, innovation, steps = system.observed[part, None], history.innovations[part], system.transition[part, None]
+        back = np.eye(d) + G.swapaxes(2, 3) @ innovation[..., c:]
+        back[: len(steps)] = back[: len(steps)] @ steps.swapaxes(2, 3)  # from the last node the adjoint is zero
+        told = np.concatenate([innovation[..., :c], history.precision[part] @ G], axis=3)
+        adjoint = G.swapaxes(2, 3) @ told
+        for at in reversed(range(len(adjoint))):
+            both = back[at] @ both
+            both[:, :, c:] = both[:, :, c:] @ back[at].transpose(0, 2, 1)
+            adjoint[at] += both
+            both = adjoint[at]
         moved = covariance[part] @ adjoint
         state[part] += moved[..., :c]
         covariance[part] -= moved[..., c:] @ covariance[part]
