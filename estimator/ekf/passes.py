@@ -133,9 +133,12 @@ class Passes:
     @cached_property
     def _solved(self) -> list[tuple[Solution, Parameters]]:
         last = self.last
-        if self.members == (last.member,) and not len(self.problem.theta):
-            return [(last.solution, last.parameters)]
-        return solve(last.system, self.problem.noise(self.members, last.noise_variance), last.prior, self.added)
+        known = {} if len(self.problem.theta) else {last.member: (last.solution, last.parameters)}
+        others = [member for member in self.members if member not in known]
+        if others:
+            noise = self.problem.noise(others, last.noise_variance)
+            known |= zip(others, solve(last.system, noise, last.prior, self.added), strict=True)
+        return [known[member] for member in self.members]
 
     @cached_property
     def added(self) -> FloatArray | float:
