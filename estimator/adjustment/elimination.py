@@ -137,9 +137,9 @@ def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: 
     n, m = weight.shape
     # [b]×ᵀ (A Q)ᵀ of all points and frames in one multiplication, with the frames last.
     turned = (np.swapaxes(arms, 1, 2).reshape(3 * m, 3) @ gain.T.reshape(3, 3 * n)).reshape(m, 3, 3, n)
-    coupling = attitude.T - turned
+    coupling = np.subtract(attitude.transpose(1, 2, 0), turned.swapaxes(1, 2), order="C")
     coupling *= weight.T[:, None, None]
-    return np.asarray(coupling.transpose(0, 3, 2, 1))
+    return np.asarray(coupling.transpose(0, 3, 1, 2))
 
 
 def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
