@@ -10,7 +10,7 @@ from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.position_noise import LastingAndShared
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
-from baryscope.estimator.adjustment.stereo import stereo_noise
+from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.hyperparameters.evidence import held, improved
 from baryscope.estimator.hyperparameters.integration import posterior
 from baryscope.estimator.options import PathOptions
@@ -81,7 +81,9 @@ class _Refinement:
         self.theta: FloatArray | None = None
         self.variance, self.path_unknowns = np.nan, np.nan
         self.floor = least_variance(start.measured, ROUNDING)
-        self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
+        self.stereo: StereoNoise | None = None
+        if start.measured.precision is not None:
+            self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
         self.errors = LastingAndShared(start.lasting)
         self.regularisation = OffsetRegularisation.of(start.bodies)
