@@ -47,7 +47,4 @@ def degrees_of_freedom_of_points(observations: Observations, unknowns: float) ->
 
 def least_variance(observations: Observations, rounding: float) -> float:
     """The variance of rounding for an observation of weight 1; rounding: relative to the greatest distance."""
-    if observations.precision is not None:
-        return 1e-9
-    position = observations.position
-    return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
+    return 1e-9 if observations.precision is not None else (rounding * observations.farthest) ** 2

@@ -1,6 +1,7 @@
 """Observations of features in C, with their weights and precisions."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,11 @@ class Observations:
     def count(self) -> int:
         """The number of observations used."""
         return int(np.count_nonzero(self.weight))
+
+    @cached_property
+    def farthest(self) -> float:
+        """The greatest distance of a position from the camera, m."""
+        return float(np.sqrt(np.einsum("kmi,kmi->km", self.position, self.position).max(initial=0.0)))
 
     def frames(self, index: Index) -> "Observations":
         """The observations of some frames; a view if these are contiguous."""
