@@ -10,11 +10,11 @@ FloatArray = NDArray[np.float64]
 
 def exp_rotation(vector: FloatArray) -> FloatArray:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad."""
-    flat = np.atleast_2d(vector).reshape(-1, 3)
-    half = 0.5 * np.linalg.norm(flat, axis=1)
+    across = vector.reshape(-1, 3).T
+    half = 0.5 * np.linalg.norm(across, axis=0)
     # sin(a)/a without a division by zero
-    quaternion = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * flat])
-    return matrix_from_quaternion(quaternion).reshape(*vector.shape, 3)
+    quaternion = np.concatenate([np.cos(half)[None], 0.5 * np.sinc(half / np.pi) * across])
+    return matrix_from_quaternion(quaternion.T).reshape(*vector.shape, 3)
 
 
 def log_rotation(matrix: FloatArray) -> FloatArray:
