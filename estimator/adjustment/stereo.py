@@ -36,7 +36,7 @@ def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
     Raises:
         InputError: a covariance is singular, or its standard deviations are not within the ranges of `limits`.
     """
-    position = np.where(used[..., None], tracks.position, 0.0)
+    position = np.asfortranarray(np.where(used[..., None], tracks.position, 0.0))
     if tracks.covariance is None:
         return Observations(position, used.astype(np.float64))
     tracks.refuse_singular()
