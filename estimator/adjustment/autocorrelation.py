@@ -17,8 +17,8 @@ def integrated_autocorrelation(series: Sequence[FloatArray]) -> tuple[float, int
     products = np.zeros(max(longest // 2, 1))
     for values in series:  # one by one, as the transforms take several times the memory of the series
         size = next_fast_len(len(values) + len(products), real=True)
-        transformed = rfft(values, size, axis=0)
-        power = np.sum(transformed.real**2 + transformed.imag**2, axis=1)
+        transformed = rfft(values.T, size)
+        power = np.sum(transformed.real**2 + transformed.imag**2, axis=0)
         products += irfft(power, size)[: len(products)]
     rho = products[1:] / max(float(products[0]), 1e-300)
     ends = np.flatnonzero(rho <= 0)

@@ -39,10 +39,11 @@ def frames_per_error(bodies: Sequence[Body], observations: Observations, origin:
         frames += float(weight)
         features += len(body.features)
         rows = body.frames - body.frames[0]
-        for axes, of_all in ((left, in_C), (left @ body.attitude, in_B)):
-            series = np.zeros((len(body.features), int(rows[-1]) + 1, 3))
-            series[:, rows] = np.swapaxes(axes, 0, 1)
-            of_all.extend(series)
+        turned = np.einsum("kmj,kji->kmi", left, np.asfortranarray(body.attitude))
+        for axes, of_all in ((left, in_C), (turned, in_B)):
+            series = np.zeros((len(body.features), 3, int(rows[-1]) + 1))
+            series[:, :, rows] = axes.transpose(1, 2, 0)
+            of_all.extend(np.swapaxes(series, 1, 2))
     if values <= 0:
         return 1.0
     return max(growth_by_lasting(series, values, frames / features) for series in (in_C, in_B))
@@ -61,11 +62,15 @@ def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:
 
     Without their means in axes of the body, as which points that are not yet at their best would seem to last.
     """
-    found = normal_blocks(own, body.attitude, origin, body.points)
+    found, R = normal_blocks(own, body.attitude, origin, body.points), np.asfortranarray(body.attitude)
     turn, shift = found.best_pose()
-    moved = body.points + shift[:, None] + np.cross(turn[:, None], body.points)
-    residual = (own.position - origin[:, None]) @ body.attitude - moved
-    residual = (residual - found.mean(residual)) @ np.swapaxes(body.attitude, 1, 2)
+    # With the frames last in memory, as the blocks have them.
+    offset = np.asfortranarray(own.position) - np.asfortranarray(origin)[:, None]
+    residual = np.einsum("kmj,kji->kmi", offset, R)
+    residual += (found.arms @ turn.T).transpose(2, 0, 1)
+    residual -= body.points + shift[:, None]
+    residual -= found.mean(residual)
+    residual = np.einsum("kmj,kij->kmi", residual, R)
     residual *= np.sqrt(own.weight)[:, :, None]
     if own.precision is None:
         return np.asarray(residual)

@@ -67,8 +67,9 @@ class NormalBlocks:
 
     def shift_alone(self) -> tuple[FloatArray, FloatArray]:
         """The frames' blocks of τ (n, 3, 3) with φ unknown, and their right-hand sides (n, 3)."""
-        back = np.swapaxes(self.turn_shift, 1, 2) @ symmetric_inverses(self.turn)
-        return self.shift - back @ self.turn_shift, self.shift_rhs - (back @ self.turn_rhs[:, :, None])[:, :, 0]
+        back = np.einsum("kji,kjl->kil", self.turn_shift, symmetric_inverses(self.turn))
+        left = self.shift - np.einsum("kij,kjl->kil", back, self.turn_shift)
+        return left, self.shift_rhs - np.einsum("kij,kj->ki", back, self.turn_rhs)
 
     def turn_alone(self, shift: FloatArray) -> FloatArray:
         """The frames' information (n, 3, 3) on φ with τ unknown, of covariance shift (n, 3, 3) in B, over the variance
@@ -95,7 +96,7 @@ class NormalBlocks:
         """
         information, rhs = self.shift_alone()
         inverse = symmetric_inverses(information) if prior is None else inverted_sums(prior, information)
-        shift = (inverse @ rhs[:, :, None])[:, :, 0]
+        shift = np.einsum("kij,kj->ki", np.asfortranarray(inverse), rhs)
         left = self.turn_rhs - np.einsum("kij,kj->ki", self.turn_shift, shift)
         return np.einsum("kij,kj->ki", symmetric_inverses(self.turn), left), shift
 
