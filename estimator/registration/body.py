@@ -47,9 +47,10 @@ class Body:
 
     def places(self, origin: FloatArray) -> FloatArray:
         """Where its features are in its frames, (n, m, 3) in C, m; origin (all frames, 3) in C: of its points."""
-        found = self.points @ np.swapaxes(self.attitude, 1, 2)
+        turned = self.attitude.reshape(-1, 3) @ self.points.T  # of all frames in one multiplication
+        found = turned.reshape(len(self.frames), 3, len(self.points)).swapaxes(1, 2)
         found += origin[self.frames][:, None]
-        return np.asarray(found)
+        return found
 
     @cached_property
     def block(self) -> tuple[Index, Index]:
