@@ -14,7 +14,7 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     untold_decrease,
 )
-from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.geometry.extent import rms_radius, rms_width
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
@@ -27,6 +27,7 @@ from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 FloatArray = NDArray[np.float64]
 
 SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which it matters
+WIDE = 1.5  # rms distance from a line over a coordinate's noise, up to which that alone may make it
 LINE = 0.1  # rms distance from a line over that along it, up to which it is nearly one
 
 
@@ -105,7 +106,8 @@ def _without_spurious(found: PivotSolution) -> JointCovariance:
 
 
 def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
-    """Columns (3 k + p, d) that leave nothing told by features nearly in a line, where their offset is not observable.
+    """Columns (3 k + p, d) that leave nothing told by features nearly in a line, where their offset is not observable,
+    or noise alone may make the width that they have.
 
     Attitudes about the line are off by more than they claim, as it has hardly any width. A centre of mass beside it may
     then be found on it, where nothing depends on these. offsets (k, 3, 3): the covariances of offsets.
@@ -113,6 +115,7 @@ def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
     columns = []
     for index, (body, covariance) in enumerate(zip(found.bodies, offsets, strict=True)):
         told = np.linalg.eigvalsh(covariance)[-1] <= (UNOBSERVABLE * rms_radius(body.points)) ** 2
+        told &= rms_width(body.points) > WIDE * found.noise
         if are_in_line(body.points, LINE) and not (body.in_line or told):
             column = np.zeros((3 * len(found.bodies), 3))
             column[3 * index : 3 * index + 3] = np.eye(3)

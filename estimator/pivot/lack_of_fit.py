@@ -92,10 +92,7 @@ def _excessive_slip(found: PivotSolution) -> ExcessResiduals | None:
     """A finding if the position slips excessively."""
     if not slips_excessively(found):
         return None
-    seen, precision = found.observations.weight > 0, found.observations.precision
-    size = 1.0 if precision is None else 3 / float(np.trace(precision[seen], axis1=1, axis2=2).mean())
-    noise = np.sqrt(found.residual_variance * size)
-    return ExcessResiduals(found.path.name, float(np.hypot(found.slip, noise) / noise))
+    return ExcessResiduals(found.path.name, float(np.hypot(found.slip, found.noise) / found.noise))
 
 
 def lack_of_fit(found: PivotSolution, time: FloatArray) -> LackOfFit | None:

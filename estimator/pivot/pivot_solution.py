@@ -96,6 +96,13 @@ class PivotSolution:
         return self.lasting * self.frame_variance
 
     @property
+    def noise(self) -> float:
+        """The standard deviation of a coordinate of a feature, as the residuals have it, m."""
+        seen, precision = self.observations.weight > 0, self.observations.precision
+        size = 1.0 if precision is None else 3 / float(np.trace(precision[seen], axis1=1, axis2=2).mean())
+        return float(np.sqrt(self.residual_variance * size))
+
+    @property
     def offset_prior_information(self) -> FloatArray:
         """The information (k, 3, 3) of the prior of the bodies' offsets, in the weights' units."""
         return self.regularisation.prior_information(self.variance)
