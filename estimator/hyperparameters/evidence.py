@@ -304,19 +304,22 @@ def curvature(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tu
     D = prior.derivatives(theta)[moved]
     placed = np.zeros((len(own), len(theta)), order="F")
     placed[own] = D
-    turned = dsymm(1.0, M * (M + 2 * np.outer(m, m)), placed, lower=True)
-    hessian = D.T @ (w[:, None] * D) - placed.T @ turned
-
-    def gradient(at: FloatArray, derivatives: FloatArray) -> FloatArray:
-        return np.asarray((1 - w) @ derivatives + prior.penalty(at)[1])
-
-    there = gradient(theta, D)
+    W = np.outer(2 * m, m)
+    W += M
+    W *= M
+    hessian = D.T @ (w[:, None] * D) - placed.T @ dsymm(1.0, W, placed, lower=True)
+    # The last row is θ itself.
+    penalties, slopes = prior.penalty(theta + np.vstack([DIFFERENCE * np.eye(len(theta)), np.zeros(len(theta))]))
+    of_unknowns = (1 - w) @ D
+    gradient = of_unknowns + slopes[-1]
     for index in range(len(theta)):
-        away = theta.copy()
-        away[index] += DIFFERENCE
-        changed = prior.derivatives(away)[moved] if prior.bends(index) else D
-        hessian[index] += (gradient(away, changed) - there) / DIFFERENCE
-    return found.value + float(prior.penalty(theta)[0]), there, (hessian + hessian.T) / 2
+        changed = of_unknowns
+        if prior.bends(index):
+            away = theta.copy()
+            away[index] += DIFFERENCE
+            changed = (1 - w) @ prior.derivatives(away)[moved]
+        hessian[index] += (changed + slopes[index] - gradient) / DIFFERENCE
+    return found.value + float(penalties[-1]), gradient, (hessian + hessian.T) / 2
 
 
 @dataclass(frozen=True, eq=False)

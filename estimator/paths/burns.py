@@ -98,7 +98,7 @@ class BurnedPath(ExtendedPath):
         """The number of unknowns."""
         return self.base.size + UNKNOWNS * len(self.burns)
 
-    @property
+    @cached_property
     def prior(self) -> Prior:
         """The prior of the base, and those of the burns."""
         return self.base.prior.joined(Prior.known(self.variances))

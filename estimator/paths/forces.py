@@ -83,7 +83,7 @@ class ForcedPath(ExtendedPath):
         """The number of unknowns."""
         return self.base.size + len(self.force.names)
 
-    @property
+    @cached_property
     def prior(self) -> Prior:
         """The prior of the base, and that of the factors."""
         own = Prior.known((self.force.deviations * self._displacement) ** 2)

@@ -7,6 +7,7 @@ in x. Relative motion stands in `relative_motion`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -136,7 +137,7 @@ class SmoothPath(Polynomial):
         """The model's name, as on the command line."""
         return "polynomial"
 
-    @property
+    @cached_property
     def prior(self) -> Prior:
         """The prior of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
@@ -157,7 +158,7 @@ class SmoothPath(Polynomial):
 
 def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
     """The logarithms (k,) of the variances of coefficients over that of the first, and what finds their derivatives
-    (k, 2).
+    (2, k).
 
     order (k,): j of each; at (2,): t, and the decay η of overtones. They are −2 G(j) − 2 λ (j − 1) − 2 p ln(j/x),
     without the power for j ≤ x. G is zero up to j = x; beyond, it is g = j arcosh(j/x) − √(j² − x²), as Bessel's Jⱼ(x)
@@ -184,6 +185,6 @@ def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, Callable[[
         by_log_x = np.where(tail, order * math.tanh(slope), root)  # −∂G
         by_t = wave * (by_log_x + POWER * (order > x)) + (1 - wave) * after
         by_decay = np.where(tail, 1 - order / knee, 0.0)
-        return 2 * np.column_stack([by_t, by_decay])
+        return 2 * np.array([by_t, by_decay])
 
     return -2 * (G + rate * after + POWER * np.log(ratio)), derivatives

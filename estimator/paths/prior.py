@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from baryscope.estimator.geometry.indices import Index, as_slice
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
@@ -40,7 +42,7 @@ class Trend:
     """A law of variances that is not log-linear.
 
     law: of the numbers (k,) of k unknowns and a parameters, (a,): the logarithms of the variances (k,) and what finds
-    their derivatives (k, a); parameters: each the index of a hyperparameter, or the value of one that is fixed.
+    their derivatives (a, k); parameters: each the index of a hyperparameter, or the value of one that is fixed.
     """
 
     law: Callable[[FloatArray, FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
@@ -125,6 +127,11 @@ class Prior:
         return np.asarray(self._order != 0)
 
     @cached_property
+    def _rows(self) -> Index:
+        """Where the unknowns that have a number are."""
+        return as_slice(np.flatnonzero(self._trending))
+
+    @cached_property
     def _numbers(self) -> tuple[FloatArray, IntArray]:
         """The different numbers (n,) of the unknowns that have one, and each one's place among them."""
         numbers, places = np.unique(self._order[self._trending], return_inverse=True)
@@ -134,16 +141,16 @@ class Prior:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         logarithm = self.offset + self.slopes @ theta
         if self.trend is not None:
-            logarithm[self._trending] += self._law(self.trend, theta)[0]
+            logarithm[self._rows] += self._law(self.trend, theta)[0]
         return np.asarray(np.exp(np.minimum(-logarithm, MOST)))
 
     def derivatives(self, theta: FloatArray) -> FloatArray:
         """The derivatives (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
         if self.trend is None:
             return self.slopes
-        found, own = self.slopes.copy(), self._law(self.trend, theta)[1]()[self._numbers[1]]
+        found, own = self.slopes.copy(), self._law(self.trend, theta)[1]().take(self._numbers[1], axis=1)
         for parameter, index in self.trend.free:
-            found[self._trending, index] += own[:, parameter]
+            found[self._rows, index] += own[parameter]
         return found
 
     def bends(self, index: int) -> bool:
@@ -152,7 +159,7 @@ class Prior:
 
     def _law(self, trend: Trend, theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
         """What the trend adds to the logarithms of the variances (k,) that have one, and what finds the derivatives
-        (n, a) of the n different ones.
+        (a, n) of the n different ones.
 
         The last one is kept, as a search asks for the derivatives, too, and changes other hyperparameters.
         """
@@ -161,7 +168,7 @@ class Prior:
             numbers, places = self._numbers
             self._laws.clear()
             logarithm, derivatives = trend.law(numbers, np.array(at))
-            self._laws[at] = logarithm[places], derivatives
+            self._laws[at] = logarithm.take(places), derivatives
         return self._laws[at]
 
     def scattered(self, untold: FloatArray) -> "Prior":
@@ -175,6 +182,8 @@ class Prior:
 
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
+        if not self._rates.any():
+            return -(theta @ self._by_root), np.broadcast_to(-self._by_root, theta.shape)
         each = self._rates * np.exp(np.where(self._rates > 0, theta, 0.0) / 2)
         cost, slope = (TAIL * np.log1p(each / TAIL), each / (1 + each / TAIL)) if self.tolerant else (each, each)
         return 2 * cost.sum(axis=-1) - theta @ self._by_root, slope - self._by_root
@@ -234,7 +243,7 @@ class Prior:
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]
         trend = None if self.trend is None else self.trend.fixed(index, value)
         if trend is not None and not trend.free:
-            offset[self._trending] += self._law(trend, np.zeros(0))[0]
+            offset[self._rows] += self._law(trend, np.zeros(0))[0]
             trend = None
         slopes = np.delete(self.slopes, index, axis=1)
         return replace(self, offset=offset, slopes=slopes, hyperparameters=rest, trend=trend)

@@ -52,7 +52,7 @@ class ProcessNoisePath(ExtendedPath):
         """The number of unknowns."""
         return self.base.size + 3 * self.count
 
-    @property
+    @cached_property
     def prior(self) -> Prior:
         """The prior of the base, and that of the modes: q T³/β⁴ with q, in m²/s³, a hyperparameter."""
         span = self.end - self.begin

@@ -7,6 +7,7 @@ one that it does not tell stands in the covariance.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class SeenPath(ExtendedPath):
         """The number of unknowns."""
         return self.base.size + len(self.camera.deviations)
 
-    @property
+    @cached_property
     def prior(self) -> Prior:
         """The prior of the base, and that of the errors."""
         return self.base.prior.joined(Prior.known(self.camera.deviations**2))
