@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-# Variables (h,) → the function's value, gradient (h,) and Hessian (h, h)
-Curved = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
+# Variables (h,) → the function's value, and what finds its gradient (h,) and Hessian (h, h)
+Curved = Callable[[FloatArray], tuple[float, Callable[[], tuple[FloatArray, FloatArray]]]]
 
 FARTHEST = 4.0  # first step of a variable, at most
 FLATTEST = 1e-3  # curvature, below which a step is as if it were that
@@ -27,24 +27,27 @@ def bounded_minimum(function: Curved, start: FloatArray, bounds: FloatArray, mos
 
     most: steps that are tried.
     """
-    at, reach = start, FARTHEST
-    value, gradient, hessian = function(at)
+    at, reach, moved = start, FARTHEST, True
+    value, derivatives = function(at)
     first = value
     for _ in range(most):
+        if moved:
+            gradient, hessian = derivatives()
         free = ~((at <= bounds[:, 0]) & (gradient > 0) | (at >= bounds[:, 1]) & (gradient < 0))
         if np.abs(gradient[free]).max(initial=0.0) <= GRADIENT:
             break
         step = _step(gradient, hessian, free, np.clip(bounds - at[:, None], -reach, reach))
         tried = np.clip(at + step, bounds[:, 0], bounds[:, 1])  # against rounding
         longest, expected = float(np.abs(step).max()), float(-gradient @ step - step @ hessian @ step / 2)
-        there = function(tried)
-        decrease = value - there[0]
+        there, of_there = function(tried)
+        decrease = value - there
         if decrease < POOR * expected:
             reach = longest / 4
         elif decrease > GOOD * expected and longest > reach / 2:
             reach *= 2
-        if decrease > 0:
-            at, (value, gradient, hessian) = tried, there
+        moved = decrease > 0
+        if moved:
+            at, value, derivatives = tried, there, of_there
         if abs(decrease) <= DECREASE * max(first - value, 1.0) or reach < SHORTEST:
             break
     nearest = np.where(at - bounds[:, 0] < bounds[:, 1] - at, bounds[:, 0], bounds[:, 1])

@@ -11,6 +11,7 @@ mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bound
 Unknowns that the prior fixes, as many of a smooth path's coefficients, are zero: they take no part in the algebra.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -121,7 +122,7 @@ def _minimised(
     linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_STEPS
 ) -> tuple[FloatArray, float]:
     """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
-    return bounded_minimum(lambda at: curvature(linear, prior, at), start, bounds, most)
+    return bounded_minimum(lambda at: _curved(linear, prior, at), start, bounds, most)
 
 
 def _spared(
@@ -294,8 +295,24 @@ def curvature(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tu
     the gradient is Dᵀ(1 − w), and the Hessian Dᵀ (diag w − W) D and what the change of D itself makes of the gradient,
     which is differenced.
     """
+    value, derivatives = _curved(linear, prior, theta)
+    return value, *derivatives()
+
+
+def _curved(
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray
+) -> tuple[float, Callable[[], tuple[FloatArray, FloatArray]]]:
+    """−2 ln p up to a constant, and what finds its gradient (h,) and Hessian (h, h), see `curvature`."""
     precision, moved = held(linear, prior, theta)
     found = _minimum(linear, prior, precision)
+    value = found.value + float(prior.penalty(theta)[0])
+    return value, lambda: _derivatives(prior, theta, precision, moved, found)
+
+
+def _derivatives(
+    prior: Prior, theta: FloatArray, precision: FloatArray, moved: BoolArray, found: "_Minimum"
+) -> tuple[FloatArray, FloatArray]:
+    """The gradient (h,) and the Hessian (h, h), see `curvature`, of a minimum for the prior's precision (p,)."""
     own = moved[found.loose]
     root = np.where(own, np.sqrt(precision[found.loose]), 0.0)
     inverse, _ = dpotri(found.factor, lower=True)  # its lower triangle, as of what is made of it
@@ -309,7 +326,7 @@ def curvature(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tu
     W *= M
     hessian = D.T @ (w[:, None] * D) - placed.T @ dsymm(1.0, W, placed, lower=True)
     # The last row is θ itself.
-    penalties, slopes = prior.penalty(theta + np.vstack([DIFFERENCE * np.eye(len(theta)), np.zeros(len(theta))]))
+    _, slopes = prior.penalty(theta + np.vstack([DIFFERENCE * np.eye(len(theta)), np.zeros(len(theta))]))
     of_unknowns = (1 - w) @ D
     gradient = of_unknowns + slopes[-1]
     for index in range(len(theta)):
@@ -319,7 +336,7 @@ def curvature(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tu
             away[index] += DIFFERENCE
             changed = (1 - w) @ prior.derivatives(away)[moved]
         hessian[index] += (changed + slopes[index] - gradient) / DIFFERENCE
-    return found.value + float(penalties[-1]), gradient, (hessian + hessian.T) / 2
+    return gradient, (hessian + hessian.T) / 2
 
 
 @dataclass(frozen=True, eq=False)
