@@ -21,6 +21,8 @@ from baryscope.study.population.sensing import sampled
 from burning import path_with_burns, tracks_of_faces
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
+pytestmark = pytest.mark.usefixtures("shared_pivot")
+
 ORBIT = Orbit().model()
 TIME = np.arange(0.0, 500.0, 2.0)
 LONG, SHORT = (97.0, 121.0, (0.015, -0.03, 0.01)), (330.5, 332.5, (-0.004, 0.006, 0.002))
