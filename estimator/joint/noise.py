@@ -202,10 +202,10 @@ class _Rows:
         self, mean: FloatArray, covariance: FloatArray, variances: FloatArray, least: FloatArray
     ) -> FloatArray:
         """Likelier variances (g,) of the groups, by the present ones: squares over how many the rows determine."""
-        found = np.empty_like(variances)
+        found, each = np.empty_like(variances), covariance.diagonal()
         for k in range(len(variances)):
             own = self.group == k
-            told = own.sum() - np.trace(covariance[np.ix_(own, own)]) / variances[k]
+            told = own.sum() - each[own].sum() / variances[k]
             found[k] = max(float(np.sum(mean[own] ** 2)) / max(told, 1e-3), least[k])
         return found
 
@@ -231,7 +231,9 @@ class _Reduced:
         known = np.zeros(len(self.group))
         known[self.group == KNOWN] = 1.0
         known[self.group >= 0] = 1 / variances[self.group[self.group >= 0]]
-        covariance = np.linalg.inv(self.matrix + np.diag(known))
+        matrix = self.matrix.copy()
+        matrix.flat[:: len(matrix) + 1] += known
+        covariance = np.linalg.inv(matrix)
         return covariance @ self.rhs, np.asarray(covariance)
 
     def likelihood(self, variances: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
