@@ -234,6 +234,15 @@ class _Lengths:
         """The sum of values (n, k) over frames and all columns that are alike, for each column (k,)."""
         return np.asarray(np.bincount(self.alike, values.sum(axis=0))[self.alike])
 
+    def told(self, slope: FloatArray, square: FloatArray, count: FloatArray) -> tuple[FloatArray, float]:
+        """The scores (n,) of each frame and the information, see `_Fit`, for slopes (n, k) of the logarithms of the
+        variances, and weighted squares (n, k) over these; count (k,): of what is seen of all that are alike.
+        """
+        slope = np.where(self.seen, slope, 0.0)
+        slope = np.where(self.seen, slope - self.summed(slope) / count, 0.0)  # with the scale that fits it
+        information = 0.5 * DOF / (DOF + 3) * float((slope**2).sum())
+        return np.asarray(0.5 * (slope * (square - 1)).sum(axis=1)), information
+
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
@@ -348,21 +357,24 @@ class _Fit:
             scale, mean = lengths.summed(off**2) / count, np.zeros(off.shape[1])
         log_ratio = (0.0 if near is None else near.log_ratio) if log_ratio is None else log_ratio
         for _ in range(ROUNDS):
-            shape = np.where(seen, across + np.exp(log_ratio) * along, 1.0)
+            growing = np.exp(log_ratio) * along
+            shape = np.where(seen, across + growing, 1.0)
             square = (off - mean) ** 2
             weight = np.where(seen, (DOF + 1) / (DOF + square / (scale * shape)), 0.0)
-            before, scale = scale, np.maximum(lengths.summed(weight * square / shape) / count, 1e-300)
+            weighted = weight * square
+            before, scale = scale, np.maximum(lengths.summed(weighted / shape) / count, 1e-300)
             mean = (weight * off / shape).sum(axis=0) / (weight / shape).sum(axis=0)
-            slope = np.where(seen, np.exp(log_ratio) * along / shape, 0.0)  # of the variance's logarithm
-            slope = np.where(seen, slope - lengths.summed(slope) / count, 0.0)  # with the scale that fits it
-            scores = 0.5 * (slope * (weight * square / (scale * shape) - 1)).sum(axis=1)
-            information = 0.5 * DOF / (DOF + 3) * float((slope**2).sum())
-            step = float(np.clip(scores.sum() / max(information, 1e-300), -MOST_STEP, MOST_STEP)) if free else 0.0
-            moved = float(np.clip(log_ratio + step, -GREATEST, GREATEST))
+            moved = log_ratio
+            if free:
+                scores, information = lengths.told(growing / shape, weighted / (scale * shape), count)
+                step = np.clip(scores.sum() / max(information, 1e-300), -MOST_STEP, MOST_STEP)
+                moved = float(np.clip(log_ratio + step, -GREATEST, GREATEST))
             steady = max(abs(moved - log_ratio), float(np.abs(np.log(scale / before)).max())) < STEADY
             log_ratio = moved
             if steady:
                 break
+        if not free:
+            scores, information = lengths.told(growing / shape, weighted / (scale * shape), count)
         logarithm = np.log(scale * shape) + (DOF + 1) * np.log1p(square / (DOF * scale * shape))
         turned = float(np.median(np.exp(2 * log_ratio) * scale * lengths.turned))
         return cls(log_ratio, -0.5 * float(logarithm[seen].sum()), scores, information, turned, scale, mean)
