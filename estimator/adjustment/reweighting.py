@@ -32,6 +32,11 @@ ROUNDS = 40  # of expectation maximisation
 WORTH = 3.0  # in ln n, by which the outliers' variance and share must raise 2 ln p (2: Schwarz 1978, Ann. Statist. 6)
 
 
+def rejects_many(weight: FloatArray) -> bool:
+    """Whether many of the observations are outliers by their weights (n, m), zero where there is none."""
+    return bool(np.mean(weight[weight > 0] < REJECTED) > MANY)
+
+
 @dataclass(frozen=True)
 class Mixture:
     """Inliers beside outliers: variance of an observation of weight 1; the squared residual over it, gate, at which

@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import MANY, REJECTED, Mixture, reweighted
+from baryscope.estimator.adjustment.reweighting import Mixture, rejects_many, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.hyperparameters.evidence import held, improved
 from baryscope.estimator.paths.path import DECAY, FIRST, FREQUENCY, OVERTONES
@@ -184,7 +184,7 @@ def _is_explained(registered: Registered, sampled: SampledPath, path_size: float
     if (
         trial.observations.precision is not None
         or min(dof, registered.values) <= 0
-        or _rejects_many(trial.observations)
+        or rejects_many(trial.observations.weight)
     ):
         return False
     if trial.last is None or trial.last.offset_null_space.size:
@@ -301,10 +301,4 @@ def _softer(registered: Registered, roots: list[FloatArray], sampled: SampledPat
 
 def _has_many_outliers(observations: Observations) -> bool:
     """Whether registration with covariances has rejected many of the observations."""
-    return observations.precision is not None and _rejects_many(observations)
-
-
-def _rejects_many(observations: Observations) -> bool:
-    """Whether many of the observations are outliers by their weights."""
-    seen = observations.weight[observations.weight > 0]
-    return bool(np.mean(seen < REJECTED) > MANY)
+    return observations.precision is not None and rejects_many(observations.weight)

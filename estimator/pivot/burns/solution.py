@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.reweighting import rejects_many
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.options import PathOptions
@@ -106,8 +107,10 @@ def _without_them(
 ) -> tuple[PivotSolution, InitialSolution] | None:
     """The solution without burns that is reached from one with them, and its start, if it is likelier.
 
-    Attitudes that outliers have spoilt may be right in the one with burns alone, which then is likelier for that.
+    Attitudes that many outliers have spoilt may be right in the one with burns alone, which then is likelier for that.
     """
+    if not rejects_many(burned.observations.weight):
+        return None
     near = start.near(burned)
     plain = refined(near, options)
     return (plain, near) if plain.converged and gain_over(burned, plain, start) > 0 else None
