@@ -160,7 +160,7 @@ def test_two_burns_without_an_orbit(method):
 def test_a_kick_without_an_orbit():
     """0.3 m/s in a second, which a smooth path may follow, but so flexibly that it follows the rotation, too."""
     kick = (140.0, 141.0, (0.2, 0.2, -0.1))
-    made = case((kick,), seed=6, seen=TIME < 300.0)
+    made = case((kick,), seed=6, seen=TIME < 200.0)
     found = estimate(made.tracks)
     assert found.status is Status.GOOD
     assert_found(found, in_C((kick,)))
