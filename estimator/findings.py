@@ -142,7 +142,7 @@ class FollowsRotation:
 class Extrapolated:
     """Attitudes are seen from begin to end, in s, only: before or after, the path is extrapolated far.
 
-    Nothing checks its law there, so that the deviation claimed is doubled.
+    Nothing checks its law there, so that the deviation of what this adds is doubled.
     """
 
     begin: float

@@ -135,7 +135,7 @@ def _of_doubt(finding: FewFrames | FollowsRotation | Extrapolated | Contradicted
             )
         case Extrapolated() | ContradictedPath():
             what = (
-                "which nothing checks without an orbit that has all forces: the claim there is twice as wide"
+                "which nothing checks without an orbit that has all forces: the claim there is up to twice as wide"
                 if isinstance(finding, Extrapolated)
                 else "and features that are seen there contradict it"
             )

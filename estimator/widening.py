@@ -61,8 +61,8 @@ class UncheckedLaw:
 class Widening:
     """What a misfit adds to covariances: a factor on them, and variances of each coordinate of position and velocity.
 
-    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations; burns: what is not
-    seen of these comes to it; law: where nothing checks it.
+    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations. Before the misfit,
+    burns: what is not seen of these, and law: where nothing checks it.
     """
 
     factor: float = 1.0
@@ -87,16 +87,15 @@ class Widening:
 
     def of_both(self, covariance: FloatArray, time: FloatArray, begin: float, end: float) -> FloatArray:
         """A covariance (n, 6, 6) of position and velocity at times (n,), widened; begin, end: of the tracks, s."""
-        found, away = self.factor * covariance, beyond(time, begin, end)
-        axes = np.arange(3)
+        found = covariance if self.burns is None else covariance + self.burns.covariance(time)
+        factor = np.full(len(time), self.factor)
+        if self.law is not None:
+            factor *= self.law.factor(time, found[:, :3, :3])
+        found, away, axes = factor[:, None, None] * found, beyond(time, begin, end), np.arange(3)
         found[:, axes, axes] += (self.variance + self.velocity * away**2)[:, None]
         found[:, axes, axes + 3] += (self.velocity * away)[:, None]
         found[:, axes + 3, axes] += (self.velocity * away)[:, None]
         found[:, axes + 3, axes + 3] += self.velocity
-        if self.burns is not None:
-            found += self.burns.covariance(time)
-        if self.law is not None:
-            found *= self.law.factor(time, found[:, :3, :3])[:, None, None]
         return found
 
 

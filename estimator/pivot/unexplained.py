@@ -93,7 +93,7 @@ def following_rotation(
     if not (free and len(told)):
         return joint, ()
     shares, measures = found.shown_spurious_shares(main, told)
-    if not shares[-1] > FEIGNED:
+    if shares.max(initial=0.0) <= FEIGNED:
         return joint, ()
     feigned = measures[:, shares > PARTLY_FEIGNED]
     claimed = np.einsum("id,ij,jd->d", feigned, joint.matrix[own, own], feigned)

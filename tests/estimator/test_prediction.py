@@ -13,7 +13,7 @@ from baryscope.estimator.findings import FreeAttitudes, UnknownPush
 from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from baryscope.estimator.prediction import PredictedPath
-from baryscope.estimator.widening import Widening
+from baryscope.estimator.widening import UncheckedLaw, Widening
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, pushed, turning
 from results import an_estimate
@@ -248,6 +248,15 @@ def test_what_is_widened_twice_is_as_wide_as_both_make_it():
         found = with_wider(found, found.covariance, found.clusters, found.motion, by)
     expected = second.of_both(first.of_both(alone, ahead, 0.0, 10.0), ahead, 0.0, 10.0)
     np.testing.assert_allclose(found.predict(ahead).covariance, expected, rtol=1e-12)
+
+
+def test_a_law_that_nothing_checks_is_doubled_before_a_misfit_widens_it():
+    """As a result has it: of variances of 1 within and 5 beyond, by 1 + 3 (1 − 1/5), and then by the misfit."""
+    time, covariance = np.array([5.0, 20.0]), np.array([1.0, 5.0])[:, None, None] * np.eye(6)
+    by = Widening(law=UncheckedLaw(0.0, 10.0, 3, 3.0)).then(Widening(2.0, 0.3))
+    found = by.of_both(covariance, time, 0.0, 10.0)
+    np.testing.assert_allclose(found[:, :3, :3], np.array([2.3, 2 * 3.4 * 5 + 0.3])[:, None, None] * np.eye(3))
+    np.testing.assert_allclose(found[:, 3:, 3:], np.array([2.0, 2 * 3.4 * 5])[:, None, None] * np.eye(3))
 
 
 def test_what_cannot_be_predicted_is_said_in_a_line():

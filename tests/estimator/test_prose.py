@@ -92,7 +92,7 @@ def test_verdict_names_a_skew_axis():
         (
             Extrapolated(26.14, 40.7),
             "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, which nothing checks "
-            "without an orbit that has all forces: the claim there is twice as wide",
+            "without an orbit that has all forces: the claim there is up to twice as wide",
         ),
         (
             ContradictedPath(26.14, 40.7),
