@@ -270,9 +270,9 @@ def cholesky(information: FloatArray, precision: FloatArray | float = 0.0) -> Fl
     raise np.linalg.LinAlgError("the information has values that are not finite")
 
 
-def solved(information: FloatArray, right: FloatArray) -> FloatArray:
-    """The solution (p, k) of a positive definite system (p, p)."""
-    return np.asarray(dpotrs(cholesky(information), right, lower=True)[0])
+def solved(information: FloatArray, right: FloatArray, precision: FloatArray | float = 0.0) -> FloatArray:
+    """The solution (p, k) of a positive definite system A + P, (p, p)."""
+    return np.asarray(dpotrs(cholesky(information, precision), right, lower=True)[0])
 
 
 def conditional(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,6 +16,7 @@ from baryscope.estimator.hyperparameters.evidence import (
     held,
     likeliest_without,
     ranges,
+    solved,
 )
 from baryscope.estimator.paths.prior import Prior
 
@@ -119,11 +120,13 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
         total += _positive(of_x + mixture.between - covariance, np.diag(covariance))
         mean += mixture.mean - at_best
     if joint.any():
-        points, costs = _lattice(linear, prior, theta, _principal_steps(linear, prior, theta, joint, bounds), bounds)
+        few = _Reduced.of(linear, prior, theta, np.any(prior.uses[:, joint], axis=1))
+        steps = _principal_steps(few.linear, few.prior, theta, joint, bounds)
+        points, costs = _lattice(few.linear, few.prior, theta, steps, bounds)
         at_ends = np.abs(np.array(points)[:, None] - bounds.T).min(axis=1) <= EDGE
         # By the trapezoidal rule; one without a range is at its ends in all points.
         weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
-        mixture = _Mixture.of(linear, prior, points, weight / weight.sum())
+        mixture = few.whole(_Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
         total += _positive(mixture.within + mixture.between - covariance, np.diag(covariance))
         mean += mixture.mean - at_best
     if np.any(prior.scatter):
@@ -223,6 +226,44 @@ class _Mixture:
         mean = weight @ np.array(means)
         apart = np.array(means) - mean
         return cls(mean, within, (weight[:, None] * apart).T @ apart)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """A likelihood of the k unknowns z whose priors change, and their prior; others that have one are eliminated.
+
+    The posterior of all, x (p,), given z, has the mean constant + along z, (p,) and (p, k), and the covariance given
+    (p, p). So there are far fewer unknowns at each of many points, as where process noise has many modes.
+    """
+
+    linear: GaussianLikelihood
+    prior: Prior
+    constant: FloatArray
+    along: FloatArray
+    given: FloatArray
+
+    @classmethod
+    def of(cls, linear: GaussianLikelihood, prior: Prior, theta: FloatArray, changing: BoolArray) -> "_Reduced":
+        """For hyperparameters θ (h,) that stay, but for those that the priors of the changing unknowns (p,) have."""
+        size, others = len(changing), ~(changing | prior.free)
+        constant, along, given = np.zeros(size), np.eye(size)[:, ~others], np.zeros((size, size))
+        if not others.any():
+            return cls(linear, prior, constant, along, given)
+        A, right = linear.information, linear.rhs + linear.information @ linear.x
+        crossed = A[others][:, ~others]
+        columns = np.column_stack([crossed, right[others], np.eye(int(others.sum()))])
+        found = solved(A[others][:, others], columns, held(linear, prior, theta)[0][others])
+        k = crossed.shape[1]
+        along[others], constant[others], given[np.ix_(others, others)] = -found[:, :k], found[:, k], found[:, k + 1 :]
+        own, x = A[~others][:, ~others] - crossed.T @ found[:, :k], linear.x[~others]
+        own = (own + own.T) / 2
+        few = GaussianLikelihood(own, right[~others] - crossed.T @ found[:, k] - own @ x, x)
+        return cls(few, prior.of(np.flatnonzero(~others)), constant, along, given)
+
+    def whole(self, found: _Mixture) -> _Mixture:
+        """A mixture of the posteriors of z, as one of those of all unknowns."""
+        between, within = (self.along @ one @ self.along.T for one in (found.between, found.within))
+        return _Mixture(self.constant + self.along @ found.mean, within + self.given, between)
 
 
 def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:

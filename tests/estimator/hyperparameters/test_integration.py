@@ -18,6 +18,7 @@ from baryscope.estimator.hyperparameters.evidence import (
 from baryscope.estimator.hyperparameters.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
 from baryscope.estimator.paths.path import LONGEST, SmoothPath
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from scaled_unknowns import PRIOR, observed
 
 
@@ -194,6 +195,28 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     assert ratio[6:12] == pytest.approx(np.ones(6), abs=0.25)
     if coefficients[2] != 0.4:  # else the rest hangs on improbable laws that hardly decrease, which no lattice reaches
         assert ((ratio > 0.5) & (ratio < 1.8)).all()
+
+
+def test_unknowns_whose_prior_stays_the_same_may_be_eliminated(monkeypatch):
+    """A smooth path with 36 modes of process noise: the posterior is that of all its unknowns at each point."""
+    rng = np.random.default_rng(3)
+    path = ProcessNoisePath(SmoothPath(8, 0.0, 1.0), 0.0, 1.0)
+    H = path.at(np.linspace(0.0, 1.0, 60)).jacobian.reshape(-1, path.size) / 0.1
+    linear = GaussianLikelihood(H.T @ H, H.T @ rng.normal(size=len(H)), rng.normal(size=path.size))
+    theta = maximise(linear, path.prior)
+    found, of, sizes = posterior(linear, path.prior, theta), integration._Reduced.of, []
+
+    def whole(linear, prior, theta, changing):
+        reduced = of(linear, prior, theta, np.ones_like(changing))
+        sizes.append((int(changing.sum()), len(reduced.linear.x)))
+        return reduced
+
+    monkeypatch.setattr(integration._Reduced, "of", whole)
+    expected = posterior(linear, path.prior, theta)
+    assert sizes == [(24, path.size)]
+    one = np.sqrt(np.diag(expected.covariance))
+    np.testing.assert_allclose((found.covariance - expected.covariance) / np.outer(one, one), 0.0, atol=1e-6)
+    np.testing.assert_allclose((found.mean - expected.mean) / one, 0.0, atol=1e-6)
 
 
 def test_a_smooth_path_of_which_nothing_is_told_is_longer_than_any():
