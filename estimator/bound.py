@@ -43,7 +43,6 @@ from baryscope.models.words import brief
 FloatArray = NDArray[np.float64]
 
 MOST_MODES = 192  # of process noise
-UNTOLD = 0.01  # prior variance of a mode times the information on it, from which it is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +208,7 @@ def _richer(path: Path, found: Equations) -> Path | None:
     """The path with all modes of process noise that the observations could tell from none; None if it has them."""
     if not isinstance(path, ProcessNoisePath) or path.density is None:
         return None
-    told = path.density * (path.end - path.begin) ** 3 * float(found.sizes[-3:].mean()) / UNTOLD
-    count = min(int(np.ceil(told**0.25 / np.pi)), MOST_MODES)
+    count = min(path.told_modes(path.density, found.sizes[found.rotation_size :]), MOST_MODES)
     return path.with_modes(count) if count > path.count else None
 
 

@@ -11,7 +11,6 @@ from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
-from baryscope.estimator.hyperparameters.evidence import conditional
 from baryscope.estimator.hyperparameters.integration import Posterior, posterior
 from baryscope.estimator.ml.initial_tumble import Tumble
 from baryscope.estimator.ml.iteration import ROUNDING, Iterate, Problem, State, iterated
@@ -24,7 +23,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.blocks import Blocks
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
-from baryscope.estimator.paths.process_noise import ProcessNoisePath, enriched
+from baryscope.estimator.paths.process_noise import enriched, with_fewest_modes
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.paths.seen_path import as_seen, errors_in
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
@@ -78,7 +77,7 @@ class _Given:
 
     def problem(self, rotation: Rotation, path: Path, sampled: SampledPath) -> Problem:
         """The problem of a rotation and a path, sampled at the tracks' times, with their modes."""
-        time, x = self.tracks.time, _padded(self.pivot.solution.x, path)
+        time, x = self.tracks.time, _resized(self.pivot.solution.x, path)
         priors = Priors.of(rotation, path, sampled.itself, x, self.density)
         blocks = Blocks.over(time, _block_length(rotation, path))
         lasting = self.pivot.lasting
@@ -102,8 +101,7 @@ class _Given:
             return None
         rotation, sampled, x = turning or best.state.rotation, problem.sampled, best.state.x
         if path is not None:
-            x = _padded(x, path)
-            sampled = as_seen(path, interpolated(path.at, path.frequency, time), errors, x)
+            sampled, x = _sampled(path, x, time, errors)
         wider = self.problem(rotation, path or problem.path, sampled)
         state = State(rotation, rotation.at(time), x)
         found = wider.equations(best.observations, state, best.equations.points)
@@ -137,8 +135,12 @@ def maximised(
     given = _Given(tracks, pivot, density, noise, floor, stereo)
 
     rotation = tumble.rotation if options.torque_noise == "none" else with_modes(tumble.rotation, tracks.time)
-    problem = given.problem(rotation, pivot.path, pivot.sampled)
-    state = State(rotation, rotation.at(tracks.time), pivot.solution.x)
+    # Modes that `pivot` needs would follow what the rotation, fitted to attitudes, is off at first, for good.
+    path, sampled, x = with_fewest_modes(pivot.path), pivot.sampled, pivot.solution.x
+    if path is not pivot.path:
+        sampled, x = _sampled(path, x, tracks.time, errors)
+    problem = given.problem(rotation, path, sampled)
+    state = State(rotation, rotation.at(tracks.time), x)
     found = problem.equations(observations, state, common_points(pivot, tumble))
     best = iterated(problem, Iterate(state, observations, found, variance, pivot.posterior.theta), done)
     while best.converged and (richer := given.enriched(problem, best)) is not None:
@@ -170,20 +172,21 @@ def maximised(
 
 def _richer_path(problem: Problem, best: Iterate) -> Path | None:
     """The path with as many modes of process noise as it needs; None if it has them."""
-    if not isinstance(problem.path, ProcessNoisePath):
-        return None
-    linear = problem.priors.linear(best.equations, best.state.values, best.variance)
-    of_all, first = conditional(linear, problem.priors.own, best.theta)[1], best.state.rotation.size
-    of_x, sampled = of_all[first:, first:], problem.sampled.itself
-    path = None
-    while (richer := enriched(path or problem.path, best.theta, sampled, of_x)) is not None:
-        path = richer
-    return path
+    information = np.diag(best.equations.matrix)[best.state.rotation.size :] / best.variance
+    return enriched(problem.path, best.theta, information)
 
 
-def _padded(x: FloatArray, path: Path) -> FloatArray:
-    """Unknowns x (p,) of a path with fewer modes, as those of a path."""
-    return np.pad(x, (0, path.size - len(x)))
+def _sampled(
+    path: Path, x: FloatArray, time: FloatArray, errors: SharedErrors | None
+) -> tuple[SampledPath, FloatArray]:
+    """A path as it is seen at times (n,) in s, and its unknowns, from x (p,) of one with other modes."""
+    x = _resized(x, path)
+    return as_seen(path, interpolated(path.at, path.frequency, time), errors, x), x
+
+
+def _resized(x: FloatArray, path: Path) -> FloatArray:
+    """Unknowns x (p,) of a path with fewer or more modes, as those of a path."""
+    return np.pad(x[: path.size], (0, max(path.size - len(x), 0)))
 
 
 def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> Equations:

@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.options import Density
 from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
 from baryscope.estimator.paths.linear_motion import ARC, Motion, are_within, forced, highest_frequency
@@ -24,13 +23,12 @@ from baryscope.estimator.paths.sampled_path import SampledPath, of_three_axes
 FloatArray = NDArray[np.float64]
 
 DENSITY = "process noise"
-FEWEST_MODES, MOST_MODES = 12, 96  # of each axis: at first, and as many as they are doubled to where they matter
+FEWEST_MODES, MOST_MODES = 12, 96  # of each axis: at first, and as many as they are doubled to where they are told
+UNTOLD = 0.01  # prior variance of a mode times the information on it, from which the tracks tell nothing of it
 # m/s^1.5, mean of the root of the density in an orbit: 1e-3, or 2 cm/s in ten minutes, once in 150 cases
 TYPICAL = 2e-4
 MIDDLE = np.array([0.25, 0.75])  # of the time, between which a lasting acceleration is looked for
 SHORTEST = 1e-6  # s, of the time over which noise acts
-ENOUGH = 1000  # times, of which the median variance is taken
-OMITTED = 0.01  # of the variance: more than that of the modes left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,8 @@ class ProcessNoisePath(ExtendedPath):
     """A path with white acceleration noise: the unknowns of `base` and, in m, three of each of `count` modes.
 
     begin … end in s: the time over which the noise acts. A mode's coefficient is the rms displacement it causes.
-    density: of the noise in m²/s³; None if it is unknown; least: what it is at least, such as that of an accelerometer.
+    density: of the noise in m²/s³; None if it is unknown; least: what it is at least, such as that of an accelerometer;
+    most: as many modes as there may be.
     """
 
     begin: float
@@ -46,6 +45,7 @@ class ProcessNoisePath(ExtendedPath):
     count: int = FEWEST_MODES
     density: float | None = None
     least: float = 0.0
+    most: int = MOST_MODES
 
     @property
     def size(self) -> int:
@@ -71,6 +71,17 @@ class ProcessNoisePath(ExtendedPath):
     def omitted_variance(self, density: float) -> float:
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
+
+    def told_modes(self, density: float, information: FloatArray) -> int:
+        """Of how many modes observations can tell anything.
+
+        density: in m²/s³; information (p,): of the observations on each of the unknowns, those of the highest modes
+        being like those of higher ones. Where the path is, the offset of the features may leave untold, and how it
+        bends be told far better: the variance of its positions would say nothing of the modes that are seen.
+        """
+        typical = float(information[-3:].mean())
+        beta = (density * (self.end - self.begin) ** 3 * typical / UNTOLD) ** 0.25  # its prior variance is q T³/β⁴
+        return int(np.ceil(beta / np.pi))
 
     def lasting_variance(self, x: FloatArray, density: float) -> float:
         """The variance of a coordinate of an acceleration that lasts, see `lasting_variance`, for unknowns x (p,)."""
@@ -152,18 +163,26 @@ def noise_in(path: Path) -> ProcessNoisePath | None:
     return next((one for one in parts_of(path) if isinstance(one, ProcessNoisePath)), None)
 
 
-def enriched(path: Path, theta: FloatArray, sampled: SampledPath, of_x: FloatArray) -> ProcessNoisePath | None:
-    """The path with twice as many modes of process noise; None if it has none, or what it leaves out does not matter.
+def enriched(path: Path, theta: FloatArray, information: FloatArray) -> ProcessNoisePath | None:
+    """The path with its modes of process noise doubled until all that are told are there; None if they are.
 
-    theta: hyperparameters, of which the density is the last unless it is given; sampled: the path at the tracks' times;
-    of_x (p, p): the covariance of its unknowns.
+    theta: hyperparameters, of which the density is the last unless it is given; information (p,): of the observations
+    on each of the unknowns.
     """
-    if not isinstance(path, ProcessNoisePath) or path.count >= MOST_MODES:
+    if not isinstance(path, ProcessNoisePath):
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    few = sampled.frames_at(evenly_spaced(sampled.frames, ENOUGH)) if sampled.frames > ENOUGH else sampled
-    typical = float(np.median(np.trace(few.covariance(of_x), axis1=1, axis2=2))) / 3
-    return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
+    needed = min(path.told_modes(density, information), path.most)
+    if path.count >= needed:
+        return None
+    return path.with_modes(path.count * 2 ** int(np.ceil(np.log2(needed / path.count))))
+
+
+def with_fewest_modes(path: Path) -> Path:
+    """The path with as few modes of process noise as any has; the path itself if it has no more, or no such noise."""
+    if not isinstance(path, ProcessNoisePath) or path.count <= FEWEST_MODES:
+        return path
+    return path.with_modes(FEWEST_MODES)
 
 
 def wave_numbers(count: int) -> FloatArray:

@@ -237,7 +237,7 @@ class _Refinement:
     def _enrich_path(self) -> bool:
         """Whether the modes of process noise that the path leaves out matter; then it has twice as many."""
         assert self.theta is not None  # noqa: S101  there was a step
-        richer = enriched(self.path, self.theta, self.sampled, self.together * self.solution.covariance)
+        richer = enriched(self.path, self.theta, np.diag(self.problem.matrix) / self.together)
         if richer is None:
             return False
         self.path = richer

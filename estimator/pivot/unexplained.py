@@ -33,7 +33,8 @@ def with_needed_noise(found: PivotSolution, start: InitialSolution, options: Pat
     """The solution, or that which is reached from one without process noise, if it is likelier by more than chance.
 
     Where hardly more than noise tells the offsets, steps that may use process noise can end with wrong offsets that
-    need it. Without it they come near the right ones.
+    need it. Without it they come near the right ones. The more modes it has, the more of such offsets it makes likely:
+    where much is feigned, that with the fewest is compared.
     """
     path = start.path
     if not isinstance(path, ProcessNoisePath) or path.density is not None or smooth_in(path) is not None:
@@ -44,9 +45,12 @@ def with_needed_noise(found: PivotSolution, start: InitialSolution, options: Pat
         quiet = refined(replace(start, path=replace(path, density=FAINT), first_prior=None), options)
         near = replace(start, bodies=quiet.bodies, x=quiet.solution.x, observations=quiet.observations, weight=None)
         other = refined(replace(near, first_prior=path.prior.holding({DENSITY: np.log(FAINT)})), options)
+        gain = gain_over(found, other, start)
+        if gain <= SIGNIFICANT and found.path.size > path.size and found.shown_spurious_share > FEIGNED:
+            gain = gain_over(refined(replace(start, path=replace(path, most=path.count)), options), other, start)
     except ComputationError:
         return found
-    return other if gain_over(found, other, start) > SIGNIFICANT else found
+    return other if gain > SIGNIFICANT else found
 
 
 def gain_over(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:

@@ -33,17 +33,15 @@ def test_the_variance_is_that_of_integrated_white_noise():
     assert variance.sum() + path.omitted_variance(3e-4) == pytest.approx(3e-4 * 20.0**3 / 420, rel=1e-3)
 
 
-def test_modes_are_doubled_until_what_is_left_out_is_a_hundredth_of_the_variance():
-    path, time = ProcessNoisePath(Polynomial(1, 0.0, 20.0), 0.0, 20.0), np.linspace(0.0, 20.0, 50)
-    theta, of_x = np.array([np.log(3e-4)]), np.zeros((path.size, path.size))
-    of_x[range(3), range(3)] = 1e-5  # of the mean of the path
-    sampled, counts = path.at(time), []
-    while (richer := enriched(path, theta, sampled, of_x)) is not None:
-        path = richer
-        counts.append(path.count)
-    assert counts == [24, 48]
-    assert path.omitted_variance(3e-4) < 1e-7 < path.with_modes(24).omitted_variance(3e-4)
-    assert enriched(path.base, theta, sampled, of_x) is None
+def test_modes_are_doubled_until_those_left_out_are_told_less_than_a_hundredth():
+    path, theta = ProcessNoisePath(Polynomial(1, 0.0, 20.0), 0.0, 20.0), np.array([np.log(3e-4)])
+    variance = 3e-4 * 20.0**3 / wave_numbers(200) ** 4
+    for told, count in ((11, None), (14, 24), (47, 48), (100, 96)):
+        information = np.full(path.size, 0.01 / variance[told - 1])  # just enough for as many
+        assert path.told_modes(3e-4, information) == pytest.approx(told, abs=1)
+        richer = enriched(path, theta, information)
+        assert (None if richer is None else richer.count) == count
+        assert enriched(path.base, theta, information) is None
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])

@@ -107,6 +107,20 @@ def test_thrust_on_a_free_relative_orbit_costs_no_more_than_its_process_noise(tu
     assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 15)
 
 
+def test_a_path_bends_as_it_is_seen_though_its_place_along_a_spins_axis_is_not_told():
+    """Pushed at random: with no more modes than the variance of its places asks for, errors broke their claims."""
+    time = np.arange(200.0)
+    spin = Rotation.from_rotvec(np.outer(0.2 * time, [0.3, 0.9, 0.3])).as_matrix()
+    pushes = 2e-3 * np.random.default_rng(1).standard_normal((200, 3)) * (np.arange(200) % 5 == 0)[:, None]
+    case = make_case(time, spin, START + np.cumsum(np.cumsum(pushes, axis=0), axis=0), FEATURES, noise=1e-3)
+    found = estimate(case.tracks, options=PathOptions(trajectory="polynomial"))
+    assert found.noise.a_posteriori == pytest.approx(1e-3, rel=0.05)
+    error = found.position - case.com
+    squares = np.einsum("ni,ni->n", error, np.linalg.solve(found.covariance, error[..., None])[..., 0])
+    assert np.median(squares) < 5
+    assert squares.max() < chi2.isf(1e-6, 3)
+
+
 def test_no_finding_for_the_right_path_model(tumbling):
     """Twenty draws, each with a probability of a false finding of 1e-7."""
     for seed in range(20):
