@@ -225,7 +225,7 @@ def test_process_noise_that_nothing_needs_is_not_found(points, seed):
 
 def test_what_is_feigned_is_not_claimed_where_other_directions_are_not_told():
     """Process noise of which most is feigned: the worst direction claims metres, the best one claimed decimetres."""
-    tracks, com = in_two_windows(3, 3)
+    tracks, com = in_two_windows(3, 8)
     found = estimate(tracks, orbit=ORBIT)
     assert not found.observability.observable.all()
     assert [type(one) for one in found.findings] == [FollowsRotation, Departure]
