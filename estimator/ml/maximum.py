@@ -135,9 +135,11 @@ def maximised(
     given = _Given(tracks, pivot, density, noise, floor, stereo)
 
     rotation = tumble.rotation if options.torque_noise == "none" else with_modes(tumble.rotation, tracks.time)
-    # Modes that `pivot` needs would follow what the rotation, fitted to attitudes, is off at first, for good.
-    path, sampled, x = with_fewest_modes(pivot.path), pivot.sampled, pivot.solution.x
-    if path is not pivot.path:
+    path, sampled, x = pivot.path, pivot.sampled, pivot.solution.x
+    posed = np.concatenate([body.frames for body in pivot.bodies])
+    if np.isin(np.flatnonzero(tracks.seen.any(axis=1)), posed, invert=True).any():
+        # Many modes would follow what the fitted rotation is off at first where no attitude is seen, for good.
+        path = with_fewest_modes(pivot.path)
         sampled, x = _sampled(path, x, tracks.time, errors)
     problem = given.problem(rotation, path, sampled)
     state = State(rotation, rotation.at(tracks.time), x)
