@@ -9,21 +9,14 @@ from scipy.fft import irfft, next_fast_len, rfft
 FloatArray = NDArray[np.float64]
 
 LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which nothing lasts
+FEWEST_PAIRS = 0.25  # of the values, at a lag: as if there were as many, where there are fewer
 
 
 def integrated_autocorrelation(series: Sequence[FloatArray]) -> tuple[float, int]:
     """1 + 2 Σ ρ of series (n, 3) about zero, summed to the first lag at which ρ is not positive; and that lag."""
-    longest = max(len(values) for values in series)
-    products = np.zeros(max(longest // 2, 1))
-    for values in series:  # one by one, as the transforms take several times the memory of the series
-        size = next_fast_len(len(values) + len(products), real=True)
-        transformed = rfft(values.T, size)
-        power = np.sum(transformed.real**2 + transformed.imag**2, axis=0)
-        products += irfft(power, size)[: len(products)]
-    rho = products[1:] / max(float(products[0]), 1e-300)
-    ends = np.flatnonzero(rho <= 0)
-    lag = int(ends[0]) + 1 if len(ends) else len(products)
-    return 1.0 + 2.0 * float(rho[: lag - 1].sum()), lag
+    products, _ = _summed_products(series)
+    lag = _first_lag_without(products)
+    return _integrated(products, lag), lag
 
 
 def growth_by_lasting(
@@ -31,16 +24,49 @@ def growth_by_lasting(
 ) -> float:
     """By how much the variance of a sum over frames is more than that of white noise: 1 + 2 Σ ρ, at least 1.
 
-    It is 1 unless it is significant, and corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004).
+    It is 1 unless it is significant, and corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004). Then ρ
+    is the mean over the pairs of a lag, far fewer than the values where series consist of short stretches.
 
     Args:
-        series: (n, 3), about zero.
+        series: (n, 3), about zero; rows that are zero are gaps.
         values: how many independent ones the series would have if they were white.
         frames: in how many frames each of what the series tell of is seen.
         share: of the squares, that hangs together; the other part is white, and in the squares only.
         clear: standard deviations of it for white noise, above which it is significant.
     """
-    lasting, lag = integrated_autocorrelation(series)
-    total = 1 + share * (lasting - 1)
-    by_chance = 2 * share * np.sqrt(lag / values)
-    return float(total * (1 + (2 * lag + 1) / frames)) if total > 1 + clear * by_chance else 1.0
+    products, pairs = _summed_products(series)
+    lag = _first_lag_without(products)
+    if _integrated(products, lag) <= 1 + clear * 2 * np.sqrt(lag / values):
+        return 1.0
+    total = 1 + share * (_integrated(products / np.maximum(pairs, FEWEST_PAIRS * pairs[0]), lag) - 1)
+    return float(total * (1 + (2 * lag + 1) / frames))
+
+
+def _summed_products(series: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """The sums (k,) of the products of values that are so many rows apart, and how many rows that are not zero are."""
+    longest = max(len(values) for values in series)
+    products, pairs = np.zeros(max(longest // 2, 1)), np.zeros(max(longest // 2, 1))
+    for values in series:  # one by one, as the transforms take several times the memory of the series
+        size = next_fast_len(len(values) + len(products), real=True)
+        products += _correlated(values.T, size)[: len(products)]
+        seen = values.any(axis=1)
+        if seen.all():
+            pairs += np.maximum(len(values) - np.arange(len(pairs)), 0)
+        else:
+            pairs += np.rint(_correlated(np.asarray(seen, dtype=float)[None], size)[: len(pairs)])
+    return products, pairs
+
+
+def _correlated(rows: FloatArray, size: int) -> FloatArray:
+    transformed = rfft(rows, size)
+    return np.asarray(irfft(np.sum(transformed.real**2 + transformed.imag**2, axis=0), size))
+
+
+def _first_lag_without(products: FloatArray) -> int:
+    """The first lag at which the autocorrelation is not positive."""
+    ends = np.flatnonzero(products[1:] <= 0)
+    return int(ends[0]) + 1 if len(ends) else len(products)
+
+
+def _integrated(products: FloatArray, lag: int) -> float:
+    return 1.0 + 2.0 * float(products[1:lag].sum() / max(float(products[0]), 1e-300))
