@@ -17,6 +17,7 @@ from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.normal_equations import normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.hyperparameters.scan import scanned_minimum
 from baryscope.estimator.registration.body import Body
 
@@ -31,6 +32,7 @@ LONGER, FEWEST_SPANS = 4, 8  # factor from spans to longer ones; how many spans 
 UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
 MOST_EXPLAINED = 0.8  # share of the slips' variance
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
+MOST_SHAKE = 3e-3  # rad, of a camera from frame to frame: ten times that of one without a mount to speak of
 BLOCKS, BLOCK = 5, 1200  # of successive frames of a body that are looked at where slow slips are none of it, at most
 
 
@@ -173,10 +175,19 @@ class LastingAndShared:
     ) -> "LastingAndShared":
         """With the slip that a path, origin (n, 3) in C, m, leaves.
 
-        variance: of an observation of weight 1; slow: whether slips may be slow, see `position_variance`.
+        variance: of an observation of weight 1; slow: whether slips may be slow, see `position_variance`. Those that
+        may not are of a camera that shakes. A path that is far off seems to show more than any camera shakes, and than
+        the features are apart: that is no slip.
         """
         significant = STILL if self.slip > 0 else SIGNIFICANT
         slip = position_variance(bodies, observations, origin, variance, self.lasting, significant, slow=slow)
+        if slip > self.slip:
+            most = max(rms_radius(body.points) for body in bodies)
+            if not slow:
+                distance = np.median(np.linalg.norm(observations.position[observations.weight > 0], axis=-1))
+                most = min(most, MOST_SHAKE * distance)
+            if slip > most**2:
+                return self
         return replace(self, slip=slip)
 
     def slips_unlike(self, other: "LastingAndShared") -> bool:
