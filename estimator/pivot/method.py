@@ -61,6 +61,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+MOST_LASTING = 10.0  # frames with the same errors, at first: labels that are exchanged seem to be errors of a hundred
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 
 
@@ -342,7 +343,7 @@ def _lasting(registered: Registered, observations: Observations) -> float:
     origin = np.zeros((len(observations.position), 3))
     for body, own in zip(registered.bodies, registered.origins, strict=True):
         origin[body.frames] = own
-    return frames_per_error(registered.bodies, observations, origin)
+    return min(frames_per_error(registered.bodies, observations, origin), MOST_LASTING)
 
 
 def _refined(start: InitialSolution, options: PathOptions) -> PivotSolution:
@@ -358,12 +359,11 @@ def _refined(start: InitialSolution, options: PathOptions) -> PivotSolution:
 
 
 def _is_cut_short(found: PivotSolution) -> bool:
-    """Whether a smooth path has degrees beyond its highest that matter."""
+    """Whether a smooth path has degrees beyond its highest that the tracks see, where they tell it best."""
     smooth = smooth_in(found.path)
     if smooth is None:
         return False
     own = found.posterior.theta[: len(smooth.prior.hyperparameters)]
-    # In some directions the path is told far better than its places are, as where its offset is hardly known.
     information = found.posterior.information[smooth.size - 3 : smooth.size].max()
     return smooth.omitted_variance(own) * float(information) > SEEN
 
