@@ -179,7 +179,7 @@ def _maximum_of_one(linear: GaussianLikelihood, prior: Prior, bounds: FloatArray
 
     def value(theta: FloatArray) -> FloatArray:
         grown = 1 + np.exp(theta)[:, None] * values
-        terms = np.log(grown) - beta * np.exp(theta)[:, None] / grown
+        terms = np.log(grown) - beta / (np.exp(-theta)[:, None] + values)
         return np.asarray(terms.sum(axis=1) + prior.penalty(theta[:, None])[0])
 
     return np.array([scanned_minimum(value, bounds[0], bounds[1], FINE_SCAN, FINE_SWEEPS)[0]])

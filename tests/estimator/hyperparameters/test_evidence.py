@@ -139,3 +139,11 @@ def test_an_optional_hyperparameter_is_given_up_unless_it_is_five_times_as_likel
     prior = Prior.none(1).joined(Prior(np.zeros(1), np.ones((1, 1)), (Hyperparameter("scale", optional=True),)))
     [found], [[none, _]] = maximise(linear, prior), ranges(linear, prior)
     assert found == pytest.approx(np.log((ratio - 1) / information) if kept else none, abs=1e-3)
+
+
+def test_observations_that_nothing_explains_make_no_warning():
+    """Of a solution that diverges: the variance is as great as its range allows."""
+    H, _, y = observed(1, 0.4)
+    linear = GaussianLikelihood(H.T @ H, H.T @ (1e152 * y), np.zeros(14))
+    (theta,) = maximise(linear, PRIOR)
+    assert theta == pytest.approx(ranges(linear, PRIOR)[0, 1], abs=1e-3)
