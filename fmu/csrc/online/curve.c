@@ -33,40 +33,50 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
     }
 }
 
-/* What L members abreast know of the thrusters has changed: they go along the curve. */
+/* What L members abreast know of the thrusters has changed: they go along the curve. Sums of four are written out and rows are copied to where nothing else is written,
+   else compilers do not take members together. */
 static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const double *restrict change, double *restrict x, double *restrict P) {
-    double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], *of_thrust;
+    double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], after[OF_THRUST][MOTION * ABREAST], among[OF_THRUST * ABREAST];
     const int thrust = bent ? THRUST : UNBENT - OF_THRUST;
-    of_thrust = P + ROW(L, thrust, 0);
-    for (int a = 0; a < PATH_AND_MAP; a++)
+    for (int a = 0; a < PATH_AND_MAP; a++) {
+        const double *by = curve[a];
         for (int m = 0; m < L; m++) {
-            double slope[OF_THRUST] = {0.0};
-            for (int i = 0; i < 3; i++) {
-                slope[0] += curve[a][i] * change[(1 + i) * L + m];
-                slope[1 + i] += curve[a][i] * change[m];
-                for (int j = 0; j < 3; j++) slope[1 + i] += curve[a][product_of(i, j)] * change[(1 + j) * L + m];
-            }
-            for (int k = 0; k < OF_THRUST; k++) {
-                x[a * L + m] += 0.5 * slope[k] * change[k * L + m];
-                slopes[k][a * L + m] = slope[k];
-            }
+            const int j = a * L + m;
+            const double scale = change[m], first = change[L + m], second = change[2 * L + m], last = change[3 * L + m];
+            slopes[0][j] = by[0] * first + by[1] * second + by[2] * last;
+            slopes[1][j] = by[0] * scale + by[product_of(0, 0)] * first + by[product_of(0, 1)] * second + by[product_of(0, 2)] * last;
+            slopes[2][j] = by[1] * scale + by[product_of(1, 0)] * first + by[product_of(1, 1)] * second + by[product_of(1, 2)] * last;
+            slopes[3][j] = by[2] * scale + by[product_of(2, 0)] * first + by[product_of(2, 1)] * second + by[product_of(2, 2)] * last;
+            x[j] += 0.5 * (slopes[0][j] * scale + slopes[1][j] * first + slopes[2][j] * second + slopes[3][j] * last);
         }
-    for (int k = 0; k < OF_THRUST; k++)
+    }
+    for (int k = 0; k < OF_THRUST; k++) {
+        double *row = P + ROW(L, thrust + k, 0);
+        for (int i = 0; i < OF_THRUST; i++)
+            for (int m = 0; m < L; m++) among[i * L + m] = P[(k > i ? ROW(L, thrust + k, thrust + i) : ROW(L, thrust + i, thrust + k)) + m];
         for (int b = 0; b < PATH_AND_MAP; b++)
             for (int m = 0; m < L; m++) {
-                double sum = before[k][b * L + m] = of_thrust[ROW(L, k, b) + m];
-                for (int i = 0; i < OF_THRUST; i++) sum += of_thrust[ROW(L, k > i ? k : i, thrust + (k > i ? i : k)) + m] * slopes[i][b * L + m];
-                of_thrust[ROW(L, k, b) + m] = sum;
+                const int j = b * L + m;
+                const double more = among[m] * slopes[0][j] + among[L + m] * slopes[1][j] + among[2 * L + m] * slopes[2][j] + among[3 * L + m] * slopes[3][j];
+                before[k][j] = row[j];
+                after[k][j] = row[j] + more;
+                row[j] += more;
             }
+        for (int j = PATH_AND_MAP * L; j < MOTION * L && bent; j++) after[k][j] = row[j];
+    }
     for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = 0; b <= a; b++)
-            for (int k = 0; k < OF_THRUST; k++)
-                for (int m = 0; m < L; m++)
-                    P[ROW(L, a, b) + m] += slopes[k][a * L + m] * before[k][b * L + m] + of_thrust[ROW(L, k, a) + m] * slopes[k][b * L + m];
+            for (int m = 0; m < L; m++) {
+                const int i = a * L + m, j = b * L + m;
+                P[ROW(L, a, b) + m] += slopes[0][i] * before[0][j] + slopes[1][i] * before[1][j] + slopes[2][i] * before[2][j] + slopes[3][i] * before[3][j] +
+                                       after[0][i] * slopes[0][j] + after[1][i] * slopes[1][j] + after[2][i] * slopes[2][j] + after[3][i] * slopes[3][j];
+            }
     for (int a = PATH_AND_MAP; a < MOTION && bent; a++)
         for (int b = 0; b < PATH_AND_MAP; b++)
-            for (int k = 0; k < OF_THRUST; k++)
-                for (int m = 0; m < L; m++) P[ROW(L, a, b) + m] += of_thrust[ROW(L, k, a) + m] * slopes[k][b * L + m];
+            for (int m = 0; m < L; m++) {
+                const int i = a * L + m, j = b * L + m;
+                P[ROW(L, a, b) + m] += after[0][i] * slopes[0][j] + after[1][i] * slopes[1][j] + after[2][i] * slopes[2][j] + after[3][i] * slopes[3][j];
+            }
 }
 
 /* A member whose thrusters are taken for known; 0 where their covariance is none. */
