@@ -16,36 +16,44 @@ static ALWAYS_INLINE double by_column(int count, const double factors[], const d
 /* What an acceleration adds to a component of (r, v) in T s. */
 static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
 
-/* What n errors of L members are wrong by goes on by a transition, and their covariance, in which thrusters, if there are errors of them,
-   and an acceleration, if a path bends, move them besides: in a straight line, as an orbit is gone in small arcs. Without process noise. */
+/* Of a row of covariances that goes on by a transition the columns from `begin` to `end`: thrusters, if there are errors of them, and an
+   acceleration, if a path bends, move it besides. */
+static ALWAYS_INLINE void row_on(int L, int n, int bent, const Transition *transition, int a, int begin, int end, const double *restrict P, double *restrict row) {
+    const double *F = transition->F[a], *by_thrust = transition->by_thrust[a], by_bend = bent_by(a, transition->span);
+    const double *thrust = P + ROW(L, n - OF_THRUST, 0), *bend = P + ROW(L, PATH_AND_MAP + a % 3, 0);
+    for (int j = begin * L; j < end * L; j++) {
+        row[j] = by_column(6, F, P + j, ERRORS * L);
+        if (n > MOTION) row[j] += by_column(OF_THRUST, by_thrust, thrust + j, ERRORS * L);
+        if (bent) row[j] += by_bend * bend[j];
+    }
+}
+
+/* What n errors of L members are wrong by goes on by a transition, and their covariance: in a straight line, as an orbit is gone in small
+   arcs. Without process noise. */
 static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *transition, double *restrict x, double *restrict P) {
-    const double(*F)[6] = transition->F, (*by_thrust)[OF_THRUST] = transition->by_thrust, T = transition->span;
     const int thrust = n - OF_THRUST;
     double A[6][ERRORS * ABREAST], to[6 * ABREAST];
     for (int a = 0; a < 6; a++) {
         for (int m = 0; m < L; m++) {
-            double sum = transition->step[a] + by_column(6, F[a], x + m, L);
-            if (bent) sum += bent_by(a, T) * x[(PATH_AND_MAP + a % 3) * L + m];
-            if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[a], x + thrust * L + m, L);
+            double sum = transition->step[a] + by_column(6, transition->F[a], x + m, L);
+            if (bent) sum += bent_by(a, transition->span) * x[(PATH_AND_MAP + a % 3) * L + m];
+            if (n > MOTION) sum += by_column(OF_THRUST, transition->by_thrust[a], x + thrust * L + m, L);
             to[a * L + m] = sum;
         }
-        for (int j = 0; j < n * L; j++) {
-            A[a][j] = by_column(6, F[a], P + j, ERRORS * L);
-            if (n > MOTION) A[a][j] += by_column(OF_THRUST, by_thrust[a], P + ROW(L, thrust, 0) + j, ERRORS * L);
-            if (bent) A[a][j] += bent_by(a, T) * P[ROW(L, PATH_AND_MAP + a % 3, 0) + j];
-        }
+        row_on(L, n, bent, transition, a, 0, n, P, A[a]);
     }
     for (int a = 0; a < 6; a++) {
         for (int m = 0; m < L; m++) x[a * L + m] = to[a * L + m];
-        for (int b = 0; b <= a; b++)
-            for (int m = 0; m < L; m++) {
-                double sum = by_column(6, F[b], &A[a][m], L);
-                if (n > MOTION) sum += by_column(OF_THRUST, by_thrust[b], &A[a][thrust * L + m], L);
-                if (bent) sum += bent_by(b, T) * A[a][(PATH_AND_MAP + b % 3) * L + m];
-                P[ROW(L, a, b) + m] = P[ROW(L, b, a) + m] = a == b ? sum + ROUNDING * sum : sum;
-            }
-        for (int b = 6; b < n; b++)
-            for (int m = 0; m < L; m++) P[ROW(L, a, b) + m] = P[ROW(L, b, a) + m] = A[a][b * L + m];
+        for (int b = 0; b < n; b++)
+            for (int m = 0; m < L; m++) P[ROW(L, b, a) + m] = A[a][b * L + m];
+    }
+    for (int a = 0; a < 6; a++) row_on(L, n, bent, transition, a, 0, a + 1, P, A[a]);
+    for (int a = 0; a < 6; a++) {
+        for (int b = 0; b < n; b++)
+            for (int m = 0; m < L; m++) P[ROW(L, a, b) + m] = A[a][b * L + m];
+        for (int m = 0; m < L; m++) P[ROW(L, a, a) + m] += ROUNDING * P[ROW(L, a, a) + m];
+        for (int b = 0; b < a; b++)
+            for (int m = 0; m < L; m++) P[ROW(L, b, a) + m] = A[a][b * L + m];
     }
 }
 
@@ -123,29 +131,26 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
    the other. Of n errors of L members. */
 static ALWAYS_INLINE void change(int L, int n, const Measurement *measurement, double *restrict x, double *restrict P) {
-    double more[OF_MAP][ERRORS * ABREAST], by[OF_MAP * ABREAST], *of_map = P + ROW(L, OFFSET, 0);
+    double rows[OF_MAP][ERRORS * ABREAST], by[OF_MAP * ABREAST], *of_map = P + ROW(L, OFFSET, 0);
     for (int a = 0; a < OF_MAP; a++) {
         const double *follow = measurement->follow[a];
         for (int m = 0; m < L; m++) by[a * L + m] = by_column(OF_MAP, follow, x + OFFSET * L + m, L);
-        for (int j = 0; j < n * L; j++) more[a][j] = by_column(OF_MAP, follow, of_map + j, ERRORS * L);
+        for (int j = 0; j < n * L; j++) rows[a][j] = of_map[ROW(L, a, 0) + j] + by_column(OF_MAP, follow, of_map + j, ERRORS * L);
     }
     for (int a = 0; a < OF_MAP; a++) {
         for (int m = 0; m < L; m++) x[(OFFSET + a) * L + m] += by[a * L + m];
-        for (int j = 0; j < n * L; j++) of_map[ROW(L, a, 0) + j] += more[a][j];
+        for (int b = 0; b < n; b++)
+            for (int m = 0; m < L; m++) P[ROW(L, b, OFFSET + a) + m] = rows[a][b * L + m];
+    }
+    for (int a = 0; a < OF_MAP; a++) {
+        const double *follow = measurement->follow[a];
+        for (int j = OFFSET * L; j < PATH_AND_MAP * L; j++) rows[a][j] = of_map[ROW(L, a, 0) + j] + by_column(OF_MAP, follow, of_map + j, ERRORS * L);
+        for (int b = 0; b < OF_MAP; b++)
+            for (int m = 0; m < L; m++) rows[a][(OFFSET + b) * L + m] += measurement->change[a][b];
     }
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++)
-            for (int m = 0; m < L; m++) {
-                double sum = measurement->change[a][b] + of_map[ROW(L, a, OFFSET + b) + m];
-                for (int k = 0; k < OF_MAP; k++) sum += of_map[ROW(L, a, OFFSET + k) + m] * measurement->follow[b][k];
-                more[a][b * L + m] = sum;
-            }
-    for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++)
-            for (int m = 0; m < L; m++) of_map[ROW(L, a, OFFSET + b) + m] = of_map[ROW(L, b, OFFSET + a) + m] = more[a][b * L + m];
-    for (int b = 0; b < n; b++)
-        for (int a = 0; a < OF_MAP; a++)
-            for (int m = 0; m < L; m++) P[ROW(L, b, OFFSET + a) + m] = of_map[ROW(L, a, b) + m];
+        for (int b = 0; b < n; b++)
+            for (int m = 0; m < L; m++) of_map[ROW(L, a, b) + m] = rows[a][b * L + m];
 }
 
 static ALWAYS_INLINE void change_abreast(int L, int manoeuvred, int bent, const Measurement *measurement, double *x, double *P) {

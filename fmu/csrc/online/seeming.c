@@ -56,9 +56,12 @@ WIDE static void take_back(Online *filter, const Measurement *measurement) {
 /* Of the densities that L members abreast take for the path's. */
 static ALWAYS_INLINE void take_back_of(int L, int n, int bent, const Measurement *measurement, const double *density, double widest, double *restrict P) {
     double of_offset[9 * ABREAST], by[9 * ABREAST], G[3][ERRORS * ABREAST], MG[3][ERRORS * ABREAST];
-    for (int a = 0; a < 3; a++)
-        for (int j = 0; j < n; j++)
-            for (int m = 0; m < L; m++) G[a][j * L + m] = P[(j > OFFSET + a ? ROW(L, j, OFFSET + a) : ROW(L, OFFSET + a, j)) + m];
+    for (int a = 0; a < 3; a++) {
+        for (int j = 0; j <= OFFSET + a; j++)
+            for (int m = 0; m < L; m++) G[a][j * L + m] = P[ROW(L, OFFSET + a, j) + m];
+        for (int j = OFFSET + a + 1; j < n; j++)
+            for (int m = 0; m < L; m++) G[a][j * L + m] = P[ROW(L, j, OFFSET + a) + m];
+    }
     for (int k = 0; k < 9; k++)
         for (int m = 0; m < L; m++) of_offset[k * L + m] = G[k / 3][(OFFSET + k % 3) * L + m];
     damped(L, of_offset, measurement, density, widest, by);
