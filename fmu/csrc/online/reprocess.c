@@ -47,21 +47,19 @@ static void measurement_again(const StoredNode *stored, const double wrong[3], d
         for (int k = 0; k < OF_THRUST; k++) measurement->by_thrust[a][k] = stored->by_thrust[a][k];
         for (int b = 0; b < 3; b++) measurement->noise[a][b] = stored->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
     }
+    find_seeming(measurement->offset, measurement);
 }
 
-/* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
-static int update_again(Online *filter, const StoredNode *stored, Measurement *measurement, double seems[3][3]) {
+/* The bank takes a node again, with its jumps. */
+static int update_again(Online *filter, const StoredNode *stored, const Measurement *measurement) {
     double jump;
     Shown shown;
     int sound;
-    find_seeming(measurement->offset, measurement);
     update_members(filter, measurement, NULL, &shown, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)
         for (int a = 0; a < OF_MAP && is_alive(&filter->bank[m]); a++) filter->bank[m].x[OFFSET + a] -= stored->moved[a];
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) seems[a][b] += measurement->seems[a][b];
     return sound;
 }
 
@@ -71,6 +69,27 @@ static double part_of(const PackedMember *member, double seems[3][3]) {
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) trace += packed(member, OFFSET + a, OFFSET + b) * seems[a][b];
     return trace;
+}
+
+/* Whether the noise of the attitudes may seem to show little where the first nodes are taken again; `seems` is what it does in all of them. No member of the bank then
+   knows more of the offset than one of the least process noise of which nothing is taken back, as each has more noise, or more that it does not know: if what even that
+   leaves open is too much, there is no need to take all members again. */
+static int may_seem_little(const Online *filter, int count, const double wrong[STORED_NODES][3], double of_offset[3][3], double seems[3][3]) {
+    PackedMember least = filter->first;
+    Member member;
+    int sound = 1;
+    go_on(&filter->first, 0, &least);
+    for (int k = 0; k < count; k++) {
+        Measurement measurement;
+        measurement_again(&filter->stored[k], wrong[k], of_offset, &measurement);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) seems[a][b] += measurement.seems[a][b];
+        unpack_member(&least, &member);
+        go_to_node(&filter->options, &member, &measurement);
+        sound = sound && update_member(&member, &measurement);
+        pack_member(&member, &least);
+    }
+    return !sound || part_of(&least, seems) < SEEMS;
 }
 
 /* Take the first nodes again if all are kept and the offset is known so much better; 1 if the bank is another. */
@@ -88,6 +107,7 @@ static int take_again(Online *filter) {
         for (int k = count - 1; k >= 0; k--)
             wrong[k][a] = filter->stored[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[OFFSET + a]);
     }
+    if (!may_seem_little(filter, count, (const double(*)[3])wrong, of_offset, seems)) return 0;
     for (int j = 0; j < JUMPS; j++) jumps[j] = filter->jump[j];
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];
@@ -97,7 +117,7 @@ static int take_again(Online *filter) {
     for (int k = 0; k < count && sound; k++) {
         Measurement measurement;
         measurement_again(&filter->stored[k], wrong[k], of_offset, &measurement);
-        sound = update_again(filter, &filter->stored[k], &measurement, seems);
+        sound = update_again(filter, &filter->stored[k], &measurement);
     }
     const PackedMember *found = &filter->bank[likeliest(filter->bank)];
     if (sound && part_of(found, seems) < SEEMS) {
