@@ -81,15 +81,15 @@ static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const doubl
 
 /* A member whose thrusters are taken for known; 0 where their covariance is none. */
 static int know_thrust(Member *member) {
-    double A[OF_THRUST * OF_THRUST], H[OF_THRUST];
+    double A[OF_THRUST * OF_THRUST], H[OF_THRUST][MOTION];
     for (int k = 0; k < OF_THRUST * OF_THRUST; k++) A[k] = member->P[THRUST + k / OF_THRUST][THRUST + k % OF_THRUST];
     if (!factored(OF_THRUST, A)) return 0;
-    for (int a = 0; a < MOTION; a++) {
-        for (int k = 0; k < OF_THRUST; k++) H[k] = member->P[a][THRUST + k];
-        solved(OF_THRUST, A, H);
-        for (int b = 0; b < MOTION; b++)
-            for (int k = 0; k < OF_THRUST; k++) member->P[a][b] -= H[k] * member->P[THRUST + k][b];
-    }
+    for (int k = 0; k < OF_THRUST; k++)
+        for (int a = 0; a < MOTION; a++) H[k][a] = member->P[THRUST + k][a];
+    solved_all(OF_THRUST, MOTION, A, H[0]);
+    for (int a = 0; a < MOTION; a++)
+        for (int k = 0; k < OF_THRUST; k++)
+            for (int b = 0; b < MOTION; b++) member->P[a][b] -= H[k][a] * member->P[THRUST + k][b];
     member->errors = MOTION;
     return 1;
 }

@@ -100,17 +100,22 @@ static int factored(int n, double *A) {
     return 1;
 }
 
-/* L L' x = x in place. */
-static void solved(int n, const double *L, double *x) {
+/* L L' X = X in place, of `count` columns. */
+static ALWAYS_INLINE void solved_all(int n, int count, const double *L, double *restrict X) {
     for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++) x[i] -= L[i * n + k] * x[k];
-        x[i] /= L[i * n + i];
+        for (int k = 0; k < i; k++)
+            for (int j = 0; j < count; j++) X[i * count + j] -= L[i * n + k] * X[k * count + j];
+        for (int j = 0; j < count; j++) X[i * count + j] /= L[i * n + i];
     }
     for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++) x[i] -= L[k * n + i] * x[k];
-        x[i] /= L[i * n + i];
+        for (int k = i + 1; k < n; k++)
+            for (int j = 0; j < count; j++) X[i * count + j] -= L[k * n + i] * X[k * count + j];
+        for (int j = 0; j < count; j++) X[i * count + j] /= L[i * n + i];
     }
 }
+
+/* L L' x = x in place. */
+static void solved(int n, const double *L, double *x) { solved_all(n, 1, L, x); }
 
 /* The inverse of a lower triangle in place. */
 static void invert_triangle(int n, double *L) {
