@@ -95,7 +95,7 @@ WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, A
         double off[3];
         for (int k = 0; k < 3; k++) off[k] = e[k * ABREAST + m] * sqrt(C[4 * k * ABREAST + m]);
         for (int k = 0; k < 3 && m == 0; k++) members->off[k] = off[k];
-        density[m] = process_noise_of((int)member->steady).white;
+        density[m] = PROCESS_NOISE[(int)member->steady].white;
         kept[m] = 0;
         if (m >= members->count) continue;
         member->weight += log_likelihood(ABREAST, C + m, off);

@@ -39,33 +39,28 @@ static ALWAYS_INLINE void add_noise(int L, const double *density, double T, doub
         }
 }
 
-/* Of the members without a jump, m2/s3. The offset's variance goes with the density while noise of the points is small beside it: a claim of three times
-   less is confidently wrong. So large ones are nearer to each other than small ones. */
-static const double DENSITY[DENSITIES] = {1e-16, 1e-14, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 3.1622776601683794e-8, 1e-7, 3.1622776601683794e-7,
-                                          1e-6, 3.1622776601683794e-6};
+#define LEAST_DENSITY 1e-16 /* m2/s3 */
 
-/* Deviations of an acceleration, m/s2, and the spans in which its random walk is as much, s. */
-static const double ACCELERATION[ACCELERATIONS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
-static const double WALK_TIME[WALKS] = {1000.0, 30.0};
+/* A path that bends by so much at first, m/s2, and an acceleration in a random walk that is as much in T s. */
+#define BENDS(deviation, T) {.white = LEAST_DENSITY, .jerk = (deviation) * (deviation) / (T), .bend = (deviation)}
+#define BENDS_OF_ALL_SIZES(T) BENDS(1e-8, T), BENDS(1e-7, T), BENDS(1e-6, T), BENDS(1e-5, T), BENDS(1e-4, T), BENDS(1e-3, T), BENDS(1e-2, T), BENDS(1e-1, T)
 
-/* By how much of what is told of them thrusters change in 1000 s, from what the pushes of a flight hardly show on. Densities of a random walk go by squares:
-   a factor of three here is one of ten there. */
-static const double WANDER[WANDERS] = {0.01, 0.03, 0.1, 0.3, 1.0};
+/* Thrusters that change by a part of what is told of them in 1000 s. */
+#define CHANGES(part) {.white = LEAST_DENSITY, .wander = (part) * (part) / 1000.0}
 
-/* Standard deviations of what each push is wrong by, as parts of what is told of thrusters. Over a flight pushes tell theirs to a few percent:
-   so they are nearer to each other than densities. */
-static const double EXECUTION[EXECUTIONS] = {0.0625, 0.125, 0.25, 0.5, 1.0, 2.0};
+/* Pushes that are wrong by a part of what is told of thrusters. */
+#define IS_WRONG(part) {.white = LEAST_DENSITY, .execution = (part) * (part)}
 
-static ProcessNoise process_noise_of(int kind) {
-    if (kind < DENSITIES) return (ProcessNoise){.white = DENSITY[kind]};
-    if (kind >= STEADY + WANDERS) {
-        const double part = EXECUTION[kind - STEADY - WANDERS];
-        return (ProcessNoise){.white = DENSITY[0], .execution = part * part};
-    }
-    if (kind >= STEADY) return (ProcessNoise){.white = DENSITY[0], .wander = WANDER[kind - STEADY] * WANDER[kind - STEADY] / 1000.0};
-    double bend = ACCELERATION[(kind - DENSITIES) % ACCELERATIONS];
-    return (ProcessNoise){.white = DENSITY[0], .jerk = bend * bend / WALK_TIME[(kind - DENSITIES) / ACCELERATIONS], .bend = bend};
-}
+/* By kind. Densities: the offset's variance goes with the density while noise of the points is small beside it: a claim of three times less is confidently
+   wrong. So large ones are nearer to each other than small ones. Bends of two spans. Thrusters that change from what the pushes of a flight hardly show on: densities
+   of a random walk go by squares, a factor of three here is one of ten there. Errors of each push: over a flight pushes tell theirs to a few percent, so they are nearer
+   to each other than densities. */
+static const ProcessNoise PROCESS_NOISE[STEADY + WANDERS + EXECUTIONS] = {
+    {.white = LEAST_DENSITY}, {.white = 1e-14}, {.white = 1e-12}, {.white = 1e-11}, {.white = 1e-10}, {.white = 1e-9},
+    {.white = 1e-8}, {.white = 3.1622776601683794e-8}, {.white = 1e-7}, {.white = 3.1622776601683794e-7}, {.white = 1e-6}, {.white = 3.1622776601683794e-6},
+    BENDS_OF_ALL_SIZES(1000.0), BENDS_OF_ALL_SIZES(30.0),
+    CHANGES(0.01), CHANGES(0.03), CHANGES(0.1), CHANGES(0.3), CHANGES(1.0),
+    IS_WRONG(0.0625), IS_WRONG(0.125), IS_WRONG(0.25), IS_WRONG(0.5), IS_WRONG(1.0), IS_WRONG(2.0)};
 
 /* The kind of process noise of a member without a jump, and the other way round. */
 static int kind_of(const Online *filter, int m) {
@@ -172,7 +167,7 @@ static double offset_variance(const PackedMember *member) {
 
 /* Whether a kind is that of a path that gravity bends where no orbit is told. */
 static int is_of_gravity(int kind) {
-    const double bend = process_noise_of(kind).bend;
+    const double bend = PROCESS_NOISE[kind].bend;
     return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY;
 }
 
@@ -183,13 +178,13 @@ static double straightened(const PackedMember *member) {
     return 0.75 * SPAN_OF_BENDS * square / 3.0;
 }
 
-static int is_bending(const PackedMember *member) { return process_noise_of((int)member->steady).bend > 0.0; }
+static int is_bending(const PackedMember *member) { return PROCESS_NOISE[(int)member->steady].bend > 0.0; }
 
 /* A member, `to`, goes on with a process noise from where another one is, which it may be: of an acceleration it knows what that one does, or nothing
    yet. One of which it would be more than three deviations is not its own: it would take that for as steady as a small one. Where it begins
    with an acceleration, or without, so does what its innovations have in common. */
 static void go_on(const PackedMember *from, int steady, PackedMember *to) {
-    const double bend = process_noise_of(steady).bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
+    const double bend = PROCESS_NOISE[steady].bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
     const int fresh = (bend > 0.0) != is_bending(from) || (bend > 0.0 && square > 9.0 * bend * bend);
     const int known = packed_count(from->errors), before = packed_count(to->errors);
     for (int a = 0; a < ERRORS; a++) to->x[a] = from->x[a];
@@ -213,14 +208,14 @@ static int count_of(const Online *filter) {
 /* Logarithm of the odds of a density: it stands for those around it, of which a factor of 10^1.5 is as likely as one size of a bend. So densities that
    are nearer to each other are not likelier for that. */
 static double density_odds(int m) {
-    const double ratio = DENSITY[m < DENSITIES - 1 ? m + 1 : m] / DENSITY[m > 0 ? m - 1 : m];
+    const double ratio = PROCESS_NOISE[m < DENSITIES - 1 ? m + 1 : m].white / PROCESS_NOISE[m > 0 ? m - 1 : m].white;
     return log(log(ratio) / ((m > 0) + (m < DENSITIES - 1)) / UNIT_OF_DENSITIES);
 }
 
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
-    double bend = process_noise_of(m).bend;
+    double bend = PROCESS_NOISE[m].bend;
     if (m < DENSITIES) return density_odds(m);
     if (filter->options.on_orbit != 0.0) return m >= ON_ORBIT ? WANDER_ODDS : bend > 0.0 ? BENT_ODDS : 0.0;
     return is_of_gravity(m) ? GRAVITY_ODDS : 0.0;
@@ -253,17 +248,25 @@ static void start_bank(Online *filter) {
         for (int p = 0; p < PRODUCTS; p++) filter->curve[a][p] = 0.0;
 }
 
-/* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
-static void know_scale(PackedMember *member, double variance) {
+/* Of n errors, the size of the map is known to be right, but for a variance. */
+static ALWAYS_INLINE void learn_scale(int n, double variance, PackedMember *member) {
     const double own = packed(member, SCALE, SCALE), off = member->x[SCALE];
-    double gain[ERRORS], *row = member->P;
-    if (!(own > variance)) return;
-    for (int a = 0; a < (int)member->errors; a++) gain[a] = packed(member, a, SCALE) / own;
-    for (int a = 0; a < (int)member->errors; row += ++a) {
+    double gain[ERRORS], *restrict P = member->P;
+    for (int a = 0; a < n; a++) gain[a] = packed(member, a, SCALE) / own;
+    UNROLL
+    for (int a = 0; a < n; a++) {
         const double less = gain[a] * (variance - own);
         member->x[a] -= gain[a] * off;
-        for (int b = 0; b <= a; b++) row[b] += less * gain[b];
+        for (int b = 0; b <= a; b++) P[packed_index(a, b)] += less * gain[b];
     }
+}
+
+/* Of the map's size a member knows what the large filter does, unless it knows more. */
+WIDE static void know_scale(PackedMember *member, double variance) {
+    if (!(packed(member, SCALE, SCALE) > variance)) return;
+    if (member->errors > MOTION) learn_scale(ERRORS, variance, member);
+    else if (member->errors > PATH_AND_MAP) learn_scale(MOTION, variance, member);
+    else learn_scale(PATH_AND_MAP, variance, member);
 }
 
 /* All members know of the map's size what the large filter does. */

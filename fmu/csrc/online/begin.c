@@ -82,7 +82,7 @@ static void guess_path(Online *filter, const Frame *frame) {
         filter->P[VELOCITY + k][VELOCITY + k] = options->speed * options->speed;
     }
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = first_weight(filter, m);
-    filter->density = filter->allowed = DENSITY[0];
+    filter->density = filter->allowed = LEAST_DENSITY;
 }
 
 /* The path goes on. What of the offset is known comes from it: the first nodes need not be taken again. */

@@ -85,17 +85,19 @@ static void refresh(Online *filter, int begin, int end, double highest) {
 static void weigh_members(Online *filter) {
     const int untold = filter->options.on_orbit == 0.0;
     const double highest = filter->bank[likeliest(filter->bank)].weight, least = exp(UNLIKELY);
-    double sum = 0.0, mean = 0.0, all = 0.0, allowed = 0.0;
+    double sum = 0.0, mean = 0.0, all = 0.0, allowed = 0.0, last = 0.0, logarithm = 0.0;
     for (int begin = 0, end; begin < count_of(filter); begin = end) refresh(filter, begin, end = end_of_kind(filter, begin), highest);
     for (int m = 0; m < MEMBERS; m++) {
         PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
         member->weight -= highest;
-        const double w = exp(member->weight), density = process_noise_of((int)member->steady).white;
+        const double w = exp(member->weight), density = PROCESS_NOISE[(int)member->steady].white;
         all += w, allowed += fmax(w - least, 0.0) * density;
         if (untold && is_of_gravity((int)member->steady)) allowed += w * straightened(member);
-        if (!is_bending(member)) sum += w, mean += w * log(density);
+        if (is_bending(member)) continue;
+        if (density != last) last = density, logarithm = log(density);
+        sum += w, mean += w * logarithm;
     }
     filter->density = exp(mean / sum);
     filter->allowed = fmax(allowed / all, filter->density);

@@ -102,7 +102,7 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
 
 /* The process noise of a kind. */
 static ProcessNoise noise_of(const OnlineOptions *options, double steady) {
-    ProcessNoise noise = process_noise_of((int)steady);
+    ProcessNoise noise = PROCESS_NOISE[(int)steady];
     noise.wander *= options->thrust * options->thrust, noise.execution *= options->thrust * options->thrust;
     return noise;
 }

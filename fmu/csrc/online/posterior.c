@@ -73,7 +73,7 @@ static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], P
         }
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        ProcessNoise noise = process_noise_of((int)bank[m].steady);
+        ProcessNoise noise = PROCESS_NOISE[(int)bank[m].steady];
         double part = exp(bank[m].weight) / sum;
         white += part * log(noise.white), posterior->jerk += part * noise.jerk;
         posterior->wander += part * noise.wander, posterior->execution += part * noise.execution;
