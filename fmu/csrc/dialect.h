@@ -13,6 +13,7 @@
 #define SELDOM __attribute__((noinline, cold)) /* takes no registers from the loop that it is called in */
 #define EXPORTED __attribute__((visibility("default")))
 #define UNROLL _Pragma("GCC unroll 16")
+#define ALIGNED __attribute__((aligned(32))) /* as many numbers as are taken at once do not lie across two lines of a cache */
 
 /* A function that spends its time in long rows is compiled twice, the second time for processors that take four numbers at once and write results
    elsewhere than over an operand, and the loader chooses: where it can, which is glibc, and where the compiler brings what asks the processor, which
@@ -37,6 +38,7 @@ typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
 #define SELDOM
 #define EXPORTED
 #define UNROLL
+#define ALIGNED
 #define WIDE
 
 typedef struct {

@@ -6,7 +6,8 @@ typedef struct {
     double *least[ABREAST]; /* of each, how likely it has to become to be kept; -INFINITY, and it is found by the first of them; or NULL */
     int manoeuvred, bent;   /* some of them have errors of thrusters, or bend */
     double off[3], square;  /* what a node is not where the first of them predicts it, whitened; and its square in m2 */
-    double x[ERRORS * ABREAST], P[ERRORS * ERRORS * ABREAST];
+    ALIGNED double x[ERRORS * ABREAST];
+    ALIGNED double P[ERRORS * ERRORS * ABREAST];
 } Abreast;
 
 /* Where one of n errors of members abreast is kept: before those of thrusters there is an acceleration, be it zero. */
