@@ -43,24 +43,31 @@ static ALWAYS_INLINE void gather_members(const PackedMember *bank, Abreast *memb
     else unpack_abreast(PATH_AND_MAP, from, members);
 }
 
+/* Numbers of members that are kept one after the other. */
+static ALWAYS_INLINE void pack_run(int count, const double *restrict from, double *restrict first, double *restrict second, double *restrict third, double *restrict last) {
+    for (int k = 0; k < count; k++) {
+        const double *at = from + k * ABREAST;
+        first[k] = at[0], second[k] = at[1], third[k] = at[2], last[k] = at[3];
+    }
+}
+
 /* To where they are kept, `to`; of n errors, others are zero. */
 static ALWAYS_INLINE void pack_abreast(int n, const Abreast *members, PackedMember *const to[ABREAST]) {
     PackedMember *first = to[0], *second = to[1], *third = to[2], *last = to[3];
+    const int rest = kept_at(n, PATH_AND_MAP);
     for (int a = 0; a < n; a++) {
-        const int row = kept_at(n, a);
-        const double *x = members->x + a * ABREAST;
+        const int row = kept_at(n, a), p = packed_index(row, 0), q = p + rest;
+        const double *x = members->x + a * ABREAST, *P = members->P + ROW(ABREAST, a, 0), *of_rest = members->P + ROW(ABREAST, a, PATH_AND_MAP);
         first->x[row] = x[0], second->x[row] = x[1], third->x[row] = x[2], last->x[row] = x[3];
-        for (int b = 0, p = packed_index(row, 0); b <= a; b++, p += kept_at(n, b) - kept_at(n, b - 1)) {
-            const double *P = members->P + ROW(ABREAST, a, b);
-            first->P[p] = P[0], second->P[p] = P[1], third->P[p] = P[2], last->P[p] = P[3];
-        }
+        pack_run(a < PATH_AND_MAP ? a + 1 : PATH_AND_MAP, P, first->P + p, second->P + p, third->P + p, last->P + p);
+        if (a >= PATH_AND_MAP) pack_run(a + 1 - PATH_AND_MAP, of_rest, first->P + q, second->P + q, third->P + q, last->P + q);
     }
 }
 
 /* Those of them that are kept, to the bank. */
 static ALWAYS_INLINE void keep_members(const Abreast *members, const int kept[ABREAST], PackedMember *bank) {
-    PackedMember none, *to[ABREAST];
-    for (int m = 0; m < ABREAST; m++) to[m] = kept[m] ? &bank[members->at[m]] : &none;
+    PackedMember none[ABREAST], *to[ABREAST];
+    for (int m = 0; m < ABREAST; m++) to[m] = kept[m] ? &bank[members->at[m]] : &none[m];
     if (members->manoeuvred && members->bent) pack_abreast(ERRORS, members, to);
     else if (members->manoeuvred) pack_abreast(UNBENT, members, to);
     else if (members->bent) pack_abreast(MOTION, members, to);
