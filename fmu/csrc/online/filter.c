@@ -32,17 +32,22 @@ static void multiplied(const double A[6][6], const double B[6][6], double C[6][6
         }
 }
 
+/* What thrusters are wrong by moves (r, v) so in a transition and another one after it. */
+static void thrust_after(const Transition *before, const Transition *by, double by_thrust[6][OF_THRUST]) {
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < OF_THRUST; k++) {
+            double sum = by->by_thrust[i][k];
+            for (int j = 0; j < 6; j++) sum += by->F[i][j] * before->by_thrust[j][k];
+            by_thrust[i][k] = sum;
+        }
+}
+
 /* A transition, and another one after it. */
 static void append_transition(Transition *transition, const Transition *by) {
     const Transition before = *transition;
     multiplied(by->F, before.F, transition->F);
-    for (int i = 0; i < 6; i++) {
-        transition->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
-        for (int k = 0; k < OF_THRUST; k++) {
-            transition->by_thrust[i][k] = by->by_thrust[i][k];
-            for (int j = 0; j < 6; j++) transition->by_thrust[i][k] += by->F[i][j] * before.by_thrust[j][k];
-        }
-    }
+    for (int i = 0; i < 6; i++) transition->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
+    thrust_after(&before, by, transition->by_thrust);
     const double T = by->span, *before_it = before.pushes;
     transition->pushes[0] = before_it[0] + T * (2.0 * before_it[2] + T * before_it[1]) + by->pushes[0];
     transition->pushes[1] = before_it[1] + by->pushes[1];
@@ -123,14 +128,6 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
         posterior->x[a] = wider.x[a];
         for (int b = 0; b < n; b++) posterior->own[a][b] = own.P[a][b], posterior->wider[a][b] = wider.P[a][b];
     }
-}
-
-/* The transition since the node before. */
-static Transition transition_of_node(const Online *filter) {
-    const Transition since = transition_since(filter);
-    Transition transition = filter->since_node;
-    append_transition(&transition, &since);
-    return transition;
 }
 
 /* (r, v) and what is known go on by one step of a manoeuvre, whose last one ends with it; the transition is without its step. */

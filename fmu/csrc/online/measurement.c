@@ -224,10 +224,10 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
 /* While the chaser manoeuvres, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
 static void thrust_of_node(const Online *filter, const Sweep *sweep, double lag, Measurement *measurement) {
     if (filter->manoeuvred == 0.0) return;
-    const Transition transition = transition_of_node(filter);
+    double by_thrust[6][OF_THRUST];
+    thrust_after(&filter->since_node, &filter->transition, by_thrust);
     for (int a = 0; a < 3; a++)
-        for (int k = 0; k < OF_THRUST; k++)
-            measurement->by_thrust[a][k] = sweep->by_thrust[a][k] - (transition.by_thrust[a][k] - lag * transition.by_thrust[3 + a][k]);
+        for (int k = 0; k < OF_THRUST; k++) measurement->by_thrust[a][k] = sweep->by_thrust[a][k] - (by_thrust[a][k] - lag * by_thrust[3 + a][k]);
 }
 
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */

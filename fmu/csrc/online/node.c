@@ -50,9 +50,10 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
         node->variance += pose->covariance[3 + k][3 + k] / 3.0;
     }
     if (filter->manoeuvred != 0.0) {
-        const Transition transition = transition_of_node(filter);
+        double by_thrust[6][OF_THRUST];
+        thrust_after(&filter->since_node, &filter->transition, by_thrust);
         for (int k = 0; k < 3; k++)
-            for (int j = 0; j < OF_THRUST; j++) node->by_thrust[k][j] += transition.by_thrust[k][j];
+            for (int j = 0; j < OF_THRUST; j++) node->by_thrust[k][j] += by_thrust[k][j];
     }
     for (int i = 0; i < frame->count; i++) {
         int s = 0;
