@@ -182,13 +182,18 @@ static void complete_covariance(Online *filter) {
         for (int j = 0; j < k; j++) filter->P[k][j] = filter->P[j][k];
 }
 
-/* From rows of the covariance, of `count` errors, B' B is taken from the column `begin` on; 0 where a variance becomes negative. */
-static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int n, const double B[3][MOST_ERRORS], double (*restrict P)[MOST_ERRORS]) {
-    double before[2];
+enum { AT_ONCE = 4 }; /* rows that are updated together, and the number of numbers that loops over them go by */
+
+/* From rows of the covariance, of `count` errors, B' D B of a diagonal D is taken from the column `begin` to `end`; 0 where a variance becomes negative. */
+static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int end, const double D[3], const double B[3][MOST_ERRORS], double (*restrict P)[MOST_ERRORS]) {
+    double before[AT_ONCE], by[AT_ONCE][3];
     int sound = 1;
-    for (int r = 0; r < count; r++) before[r] = P[k + r][k + r];
-    for (int j = begin; j < n; j++)
-        for (int r = 0; r < count; r++) P[k + r][j] -= B[0][k + r] * B[0][j] + B[1][k + r] * B[1][j] + B[2][k + r] * B[2][j];
+    for (int r = 0; r < count; r++) {
+        before[r] = P[k + r][k + r];
+        for (int c = 0; c < 3; c++) by[r][c] = D[c] * B[c][k + r];
+    }
+    for (int j = begin; j < end; j++)
+        for (int r = 0; r < count; r++) P[k + r][j] -= by[r][0] * B[0][j] + by[r][1] * B[1][j] + by[r][2] * B[2][j];
     for (int r = 0; r < count; r++) {
         P[k + r][k + r] += ROUNDING * before[r];
         sound = sound && P[k + r][k + r] >= 0.0;
@@ -197,16 +202,18 @@ static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int n, const 
 }
 
 /* The update with one point of a node whose mean time is `lag` s ago; dx are the errors found so far in this node, and
-   errors before `first` are none. 0 where rounding has left the covariance indefinite. The rows of features are updated from the
-   diagonal on: `complete_covariance` has to follow the last point. */
+   errors before `first` are none. 0 where rounding has left the covariance indefinite. The rows of features are updated from about the
+   diagonal on: `complete_covariance` has to follow the last point. Rows begin and end where compilers take as many numbers at once as processors do: B is
+   zero for what is no error. */
 WIDE static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
-    const int n = size_of(filter), at = FEATURES + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
-    double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], of_feature[3][MOST_ERRORS], L[9], e[3];
+    const int n = size_of(filter), at = FEATURES + 3 * frame->slot[i];
+    const int begin = first - first % AT_ONCE, end = (n + AT_ONCE - 1) / AT_ONCE * AT_ONCE;
+    double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], of_feature[3][MOST_ERRORS], C[9], e[3];
     const double since = lag - passage->later;
     for (int c = 0; c < 3; c++) {
-        for (int j = even; j < at + c; j++) of_feature[c][j] = filter->P[j][at + c];
-        for (int j = at + c; j < n; j++) of_feature[c][j] = filter->P[at + c][j];
+        for (int j = begin; j < at + c; j++) of_feature[c][j] = filter->P[j][at + c];
+        for (int j = at + c; j < end; j++) of_feature[c][j] = filter->P[at + c][j];
     }
     times(filter->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) bent[k] = arm[k] + frame->bent[i][k];
@@ -222,35 +229,33 @@ WIDE static int update_point(Online *filter, const Frame *frame, int i, double l
         const double *b0 = of_feature[0], *b1 = of_feature[1], *b2 = of_feature[2];
         double *out = B[c];
         for (int k = 0; k < 3; k++) S[c][k] *= passage->swept;
-        for (int j = even; j < n; j++)
+        for (int j = begin; j < end; j++)
             out[j] = p[j] + q[j] - since * v[j] + K[c][0] * t0[j] + K[c][1] * t1[j] + K[c][2] * t2[j] + A[c][0] * b0[j] +
                      A[c][1] * b1[j] + A[c][2] * b2[j];
         e[c] = passage->y[c] - there[c] - dx[TRANSLATION + c] - dx[POSITION + c] + since * dx[VELOCITY + c];
         e[c] -= dot(K[c], &dx[ATTITUDE]) + dot(A[c], &dx[at]);
+        for (int j = n; j < end; j++) out[j] = 0.0;
         if (first != RATE) continue;
         for (int k = 0; k < 3; k++)
             for (int j = 0; j < n; j++) out[j] += S[c][k] * filter->P[RATE + k][j];
         e[c] -= dot(S[c], &dx[RATE]);
     }
     for (int c = 0; c < 3; c++)
-        for (int d = 0; d < 3; d++) {
-            L[3 * c + d] = B[c][TRANSLATION + d] + B[c][POSITION + d] - since * B[c][VELOCITY + d] + dot(K[d], &B[c][ATTITUDE]) + dot(A[d], &B[c][at]) +
+        for (int d = 0; d <= c; d++) {
+            C[3 * c + d] = B[c][TRANSLATION + d] + B[c][POSITION + d] - since * B[c][VELOCITY + d] + dot(K[d], &B[c][ATTITUDE]) + dot(A[d], &B[c][at]) +
                            frame->noise[i][c][d];
-            if (first == RATE) L[3 * c + d] += dot(S[d], &B[c][RATE]);
+            if (first == RATE) C[3 * c + d] += dot(S[d], &B[c][RATE]);
         }
-    if (!factored(3, L)) return 0;
-    for (int c = 0; c < 3; c++) {
-        for (int d = 0; d < c; d++) {
-            e[c] -= L[3 * c + d] * e[d];
-            for (int j = even; j < n; j++) B[c][j] -= L[3 * c + d] * B[d][j];
-        }
-        double f = 1.0 / L[4 * c];
-        e[c] *= f;
-        for (int j = even; j < n; j++) B[c][j] *= f;
-    }
-    for (int j = even; j < n; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
-    int k = first;
-    for (; k + 1 < n; k += 2)
-        if (!less_in_rows(2, k, k < FEATURES ? even : k - k % 2, n, (const double(*)[MOST_ERRORS])B, filter->P)) return 0;
-    return k == n || less_in_rows(1, k, k - k % 2, n, (const double(*)[MOST_ERRORS])B, filter->P);
+    if (!separated(1, C)) return 0;
+    const double D[3] = {C[0], C[4], C[8]};
+    separate(1, 1, C, &e[0], &e[1], &e[2]);
+    separate(1, end - begin, C, &B[0][begin], &B[1][begin], &B[2][begin]);
+    for (int c = 0; c < 3; c++) e[c] *= D[c];
+    for (int j = begin; j < end; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
+    int k = begin;
+    for (; k + AT_ONCE <= n; k += AT_ONCE)
+        if (!less_in_rows(AT_ONCE, k, k < FEATURES ? begin : k, end, D, (const double(*)[MOST_ERRORS])B, filter->P)) return 0;
+    for (; k < n; k++)
+        if (!less_in_rows(1, k, k < FEATURES ? begin : k - k % AT_ONCE, end, D, (const double(*)[MOST_ERRORS])B, filter->P)) return 0;
+    return 1;
 }
