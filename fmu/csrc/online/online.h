@@ -235,14 +235,14 @@ typedef struct {
 typedef struct {
     OnlineOptions options; /* first, where Python reads them */
     double time;
-    double P[MOST_ERRORS - 1][MOST_ERRORS]; /* but for the one that is none; after an even number of doubles: rows are aligned, where the struct is */
     double frames; /* used */
     double lost;   /* frames in a row that did not fit the map */
+    double surprises; /* frames in a row with an attitude far from the predicted one */
+    double P[MOST_ERRORS - 1][MOST_ERRORS]; /* but for the one that is none; after 18 doubles: what malloc gives for so much begins 16 bytes after where four doubles are aligned */
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
     double of_rate, of_attitude;       /* variances of rate and R, over all axes */
     double reference[3][3], referred, unsure; /* attitude from which the next one is predicted, its time, its variance, rad2 */
-    double surprises; /* frames in a row with an attitude far from the predicted one */
     double x[6];                       /* r, v at `time` */
     double from[6]; /* r, v at the time of the covariances */
     Transition transition; /* since then, but for its step */
