@@ -98,7 +98,7 @@ static ALWAYS_INLINE void add_white_jerk(int L, const double *jerk, double T, do
 }
 
 /* What the large filter's errors from `first` to n are with a coordinate of the offset that the last node saw, or, the fourth, with the scale. */
-static void with_map(const Online *filter, int a, int first, int n, double with[MOST_ERRORS]) {
+WIDE static void with_map(const Online *filter, int a, int first, int n, double with[MOST_ERRORS]) {
     for (int j = first; j < n; j++) with[j] = 0.0;
     for (int f = 0; f < (int)filter->used; f++) {
         const double *x = filter->P[FEATURES + 3 * f], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = filter->share[f][a];
@@ -148,7 +148,7 @@ static void centroid_of_map(const Online *filter, double mean[3]) {
 }
 
 /* What the error of the map's centroid is with all errors from `first` on. */
-static void with_centroid(const Online *filter, int first, double G[3][MOST_ERRORS]) {
+WIDE static void with_centroid(const Online *filter, int first, double G[3][MOST_ERRORS]) {
     int used = (int)filter->used, n = FEATURES + 3 * used;
     for (int a = 0; a < 3; a++)
         for (int j = first; j < n; j++) G[a][j] = 0.0;

@@ -6,23 +6,24 @@ typedef enum { ANY, STRAIGHT, BENT } Shape; /* of the path of a member */
    Returns the sum of their weights. */
 static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, int first, double x[ERRORS], double P[ERRORS][ERRORS]) {
     const PackedMember *shadow = &bank[SHADOW];
-    double weights[MEMBERS], sum = 0.0;
+    double weights[MEMBERS], parts[MEMBERS], sum = 0.0;
     for (int m = 0; m < MEMBERS; m++) {
         const int meant = is_alive(&bank[m]) && (shape == ANY || is_bending(&bank[m]) == (shape == BENT));
         sum += weights[m] = meant ? exp(bank[m].weight) : 0.0;
     }
+    for (int m = 0; m < MEMBERS; m++) parts[m] = weights[m] / sum;
     for (int a = first; a < ERRORS; a++) {
         x[a] = 0.0;
         for (int m = 0; m < MEMBERS; m++)
-            if (weights[m] > 0.0) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
+            if (weights[m] > 0.0) x[a] += parts[m] * (bank[m].x[a] - shadow->x[a]);
         for (int b = first; b < ERRORS; b++) P[a][b] = 0.0;
     }
     for (int m = 0; m < MEMBERS; m++) {
-        double off[ERRORS], part = weights[m] / sum;
+        double off[ERRORS];
         if (!(weights[m] > 0.0)) continue;
         for (int a = first; a < ERRORS; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
         for (int a = first; a < ERRORS; a++)
-            for (int b = first; b <= a; b++) P[a][b] += part * (bank[m].P[packed_index(a, b)] + off[a] * off[b]);
+            for (int b = first; b <= a; b++) P[a][b] += parts[m] * (bank[m].P[packed_index(a, b)] + off[a] * off[b]);
     }
     for (int a = first; a < ERRORS; a++)
         for (int b = first; b < a; b++) P[b][a] = P[a][b];

@@ -79,16 +79,18 @@ static int may_seem_little(const Online *filter, int count, const double wrong[S
     Member member;
     int sound = 1;
     go_on(&filter->first, 0, &least);
+    unpack_member(&least, &member);
     for (int k = 0; k < count; k++) {
         Measurement measurement;
         measurement_again(&filter->stored[k], wrong[k], of_offset, &measurement);
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) seems[a][b] += measurement.seems[a][b];
-        unpack_member(&least, &member);
         go_to_node(&filter->options, &member, &measurement);
         sound = sound && update_member(&member, &measurement);
-        pack_member(&member, &least);
+        for (int a = 0; a < ERRORS; a++)
+            for (int b = 0; b < a; b++) member.P[b][a] = member.P[a][b];
     }
+    pack_member(&member, &least);
     return !sound || part_of(&least, seems) < SEEMS;
 }
 
