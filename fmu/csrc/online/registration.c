@@ -9,7 +9,7 @@
 enum { ROUNDS = 6, TRIPLES = 60 };
 
 /* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
-static int weighed(Frame *frame, int i, const double R[3][3]) {
+static ALWAYS_INLINE int weighed(Frame *frame, int i, const double R[3][3]) {
     double T[3][3], both[3][3];
     product(R, frame->spread[i], T);
     for (int a = 0; a < 3; a++)
@@ -23,7 +23,7 @@ static void weigh_all(Frame *frame, const double R[3][3]) {
 }
 
 /* Of a point against the map: its arm R b, what it is off by, and that weighted; returns the weighted square. */
-static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3], double We[3]) {
+static ALWAYS_INLINE double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3], double We[3]) {
     times(pose->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) e[k] = frame->y[i][k] - pose->c[k] - arm[k];
     times(frame->W[i], e, We);
