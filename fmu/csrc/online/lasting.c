@@ -39,17 +39,28 @@ static void drop_halves(ResidualBlocks *series, double gap) {
     }
 }
 
-/* The residuals of a registered frame. */
+static int are_equal(const double A[3][3], const double B[3][3]) {
+    for (int k = 0; k < 9; k++)
+        if (A[k / 3][k % 3] != B[k / 3][k % 3]) return 0;
+    return 1;
+}
+
+/* The residuals of a registered frame. The noise of its points is mostly the same: so is the factor of that. */
 static void note_residuals(Online *filter, const Frame *frame, const Pose *pose) {
+    double L[9];
+    int of = -1, sure = 0; /* the point whose noise L is the factor of, and whether it has one */
     for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3], We[3], L[9], z[2][3];
+        double arm[3], e[3], We[3], z[2][3];
         if (!frame->fits[i]) continue;
         ResidualBlocks *series = &filter->series[frame->slot[i]];
         drop_halves(series, filter->frames - series->last - 1.0);
         series->last = filter->frames;
         residual(filter, frame, pose, i, arm, e, We);
-        for (int k = 0; k < 9; k++) L[k] = frame->noise[i][k / 3][k % 3];
-        if (!factored(3, L)) continue;
+        if (of < 0 || !are_equal(frame->noise[i], frame->noise[of])) {
+            for (int k = 0; k < 9; k++) L[k] = frame->noise[i][k / 3][k % 3];
+            of = i, sure = factored(3, L);
+        }
+        if (!sure) continue;
         whitened(L, e);
         for (int k = 0; k < 3; k++) z[0][k] = e[k];
         transposed_times(pose->R, z[0], z[1]);
