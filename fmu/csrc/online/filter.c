@@ -170,8 +170,10 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
 /* Errors that every frame has of its own: none is known of them but a covariance. */
 static void renew(Online *filter, int begin, double covariance[3][3]) {
     int n = size_of(filter);
+    for (int j = 0; j < n; j++)
+        for (int a = 0; a < 3; a++) filter->P[j][begin + a] = 0.0;
     for (int a = 0; a < 3; a++)
-        for (int j = 0; j < n; j++) filter->P[begin + a][j] = filter->P[j][begin + a] = 0.0;
+        for (int j = 0; j < n; j++) filter->P[begin + a][j] = 0.0;
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) filter->P[begin + a][begin + b] = covariance[a][b];
 }

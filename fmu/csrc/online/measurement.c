@@ -141,9 +141,11 @@ WIDE static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP
                    double turned_by[3][3]) {
     enum { BEFORE = OF_MAP, TURNED = 2 * OF_MAP, ROWS = TURNED + 3 };
     const double nodes = filter->pairs > 0.0 && filter->stored_count < 0.0 ? NODES_OF_A_TURN : 1.0;
-    int n = 3 * (int)filter->used;
+    const int used = 3 * (int)filter->used, n = (used + AT_ONCE - 1) / AT_ONCE * AT_ONCE;
     double D[ROWS][3 * MOST_FEATURES], DP[3 * MOST_FEATURES], before[OF_MAP * OF_MAP];
-    for (int j = 0; j < n; j++) {
+    for (int a = 0; a < ROWS; a++)
+        for (int j = used; j < n; j++) D[a][j] = 0.0;
+    for (int j = 0; j < used; j++) {
         for (int a = 0; a < OF_MAP; a++) {
             D[BEFORE + a][j] = filter->share[j / 3][a][j % 3];
             D[a][j] = share[j / 3][a][j % 3] - D[BEFORE + a][j];
@@ -153,7 +155,7 @@ WIDE static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP
     for (int a = 0; a < ROWS; a++) {
         int first = a < TURNED ? a / BEFORE * BEFORE : TURNED, end = a < TURNED ? TURNED : ROWS;
         for (int j = 0; j < n; j++) DP[j] = 0.0;
-        for (int i = 0; i < n; i += 3) {
+        for (int i = 0; i < used; i += 3) {
             const double *x = &filter->P[FEATURES + i][FEATURES], *y = x + MOST_ERRORS, *z = y + MOST_ERRORS, *part = &D[a][i];
             for (int j = 0; j < n; j++) DP[j] += part[0] * x[j] + part[1] * y[j] + part[2] * z[j];
         }
