@@ -234,19 +234,23 @@ static void turn_left(const double turn[3], double R[3][3]) {
     orthonormal(A, R);
 }
 
+/* A = R T' */
+static void by_transposed(const double R[3][3], const double T[3][3], double A[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) A[i][j] = dot(R[i], T[j]);
+}
+
 /* R = R T', made orthonormal again: the attitude of axes against which the body was turned by T. */
 static void turn_axes(const double T[3][3], double R[3][3]) {
     double A[3][3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) A[i][j] = dot(R[i], T[j]);
+    by_transposed(R, T, A);
     orthonormal(A, R);
 }
 
 /* The rotation vector in C from B to A, and its length. */
 static double angle_between(const double A[3][3], const double B[3][3], double turn[3]) {
     double change[3][3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) change[i][j] = dot(A[i], B[j]);
+    by_transposed(A, B, change);
     rotation_vector(change, turn);
     return sqrt(dot(turn, turn));
 }

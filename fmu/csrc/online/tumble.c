@@ -18,9 +18,13 @@ static int reference_count(const OnlineOptions *options) { return options->on_or
 
 static void forget_tumble(Tumble *tumble) { *tumble = (Tumble){0}; }
 
-/* The map was turned by T, in B. */
+/* The map was turned by T, in B. Attitudes that are kept stay orthonormal to rounding, which they gather once a node. */
 static void turn_tumble(Tumble *tumble, const OnlineOptions *options, const double T[3][3]) {
-    for (int k = 0; k < (int)tumble->kept; k++) turn_axes(T, tumble->attitude[k].R);
+    for (int k = 0; k < (int)tumble->kept; k++) {
+        double A[3][3];
+        by_transposed(tumble->attitude[k].R, T, A);
+        copy(A, tumble->attitude[k].R);
+    }
     for (int c = 0; c < reference_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->reference[c].spin, T);
 }
 
