@@ -11,8 +11,9 @@ typedef const double (*Curve)[PRODUCTS];
 /* Where the second derivative by two pointings is kept. */
 static int product_of(int i, int j) { return 3 + packed_index(i, j); }
 
-/* The curve goes on with a step of the path, at the end of which there is a manoeuvre, or NULL. */
-static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre *manoeuvre) {
+/* The curve goes on with a step of the path, at the end of which there is a manoeuvre, of which the transition tells, or NULL. */
+static void advance_curve(Online *filter, const Transition *transition, const Manoeuvre *manoeuvre) {
+    const double(*F)[6] = transition->F, (*by_thrust)[OF_THRUST] = transition->by_thrust;
     double(*curve)[PRODUCTS] = filter->curve;
     for (int p = 0; p < PRODUCTS; p++) {
         double before[6];
@@ -20,12 +21,12 @@ static void advance_curve(Online *filter, const double F[6][6], const Manoeuvre 
         for (int i = 0; i < 6; i++) curve[i][p] = dot(F[i], before) + dot(&F[i][3], &before[3]);
     }
     for (int half = 0; half < 6 && manoeuvre; half += 3) {
-        double moved[3], along[3], errors[3][OF_THRUST];
-        truly_moved(filter->thrust, manoeuvre->axes, &manoeuvre->moved[half], moved, errors);
+        double moved[3], along[3]; /* the first error of thrusters is their scale */
+        for (int k = 0; k < 3; k++) moved[k] = -(1.0 + filter->thrust[0]) * by_thrust[half + k][0];
         transposed_times(manoeuvre->axes, moved, along);
         for (int k = 0; k < 3; k++)
             for (int i = 0; i < 3; i++) {
-                curve[half + k][i] -= errors[k][1 + i] / (1.0 + filter->thrust[0]);
+                curve[half + k][i] += by_thrust[half + k][1 + i] / (1.0 + filter->thrust[0]);
                 for (int j = 0; j <= i; j++) /* half of t_i x (t_j x moved) + t_j x (t_i x moved), of axes t */
                     curve[half + k][product_of(i, j)] -=
                         0.5 * (manoeuvre->axes[k][i] * along[j] + manoeuvre->axes[k][j] * along[i]) - (i == j) * moved[k];

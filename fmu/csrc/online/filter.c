@@ -158,7 +158,7 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
         Transition transition;
         step_on(filter, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
-        if (filter->manoeuvred != 0.0) advance_curve(filter, transition.F, last ? &now : NULL);
+        if (filter->manoeuvred != 0.0) advance_curve(filter, &transition, last ? &now : NULL);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) {
             settle(filter, &transition);
             advance_bank(filter, &transition, filter->bank);
