@@ -37,7 +37,9 @@ def test_a_line_is_beside_its_bound(line):
 def test_densities_are_those_that_the_bank_holds_possible():
     """One is as likely as what is nearer to it than to others, in the logarithm, is wide."""
     text = (files("baryscope.fmu") / "csrc" / "online" / "bank.c").read_text("utf-8")
-    bank = np.log10([float(one) for one in re.search(r"DENSITY\[DENSITIES\] = \{([^}]*)\}", text)[1].split(",")])
+    least = re.search(r"#define LEAST_DENSITY (\S+)", text)[1]
+    bank = np.log10([float(one) for one in (least, *re.findall(r"\{\.white = ([\d.e-]+)\}", text))])
+    assert len(bank) == 12
     ends = (1.5 * bank[0] - 0.5 * bank[1], 1.5 * bank[-1] - 0.5 * bank[-2])
     assert pytest.approx(ends) == POSSIBLE
     found = np.array([np.log10(world_of(ANY_WHITE, 1, draw).white) for draw in range(400)])
