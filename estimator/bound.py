@@ -208,7 +208,7 @@ def _richer(path: Path, found: Equations) -> Path | None:
     """The path with all modes of process noise that the observations could tell from none; None if it has them."""
     if not isinstance(path, ProcessNoisePath) or path.density is None:
         return None
-    count = min(path.told_modes(path.density, found.sizes[found.rotation_size :]), MOST_MODES)
+    count = path.told_modes(path.density, found.sizes[found.rotation_size :], MOST_MODES)
     return path.with_modes(count) if count > path.count else None
 
 

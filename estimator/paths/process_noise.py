@@ -72,16 +72,16 @@ class ProcessNoisePath(ExtendedPath):
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
 
-    def told_modes(self, density: float, information: FloatArray) -> int:
-        """Of how many modes observations can tell anything.
+    def told_modes(self, density: float, information: FloatArray, most: int) -> int:
+        """Of how many modes observations can tell anything, at most so many.
 
-        density: in m²/s³; information (p,): of the observations on each of the unknowns, those of the highest modes
-        being like those of higher ones. Where the path is, the offset of the features may leave untold, and how it
-        bends be told far better: the variance of its positions would say nothing of the modes that are seen.
+        density: in m²/s³; information (p,): of the observations on each of the unknowns, that on higher modes being
+        like that on the highest. Where the path is, the offset of the features may leave untold, and how it bends be
+        told far better: the variance of its positions would say nothing of the modes that are seen.
         """
-        typical = float(information[-3:].mean())
+        typical = max(float(information[-3:].mean()), 0.0)  # rounding may leave less than none
         beta = (density * (self.end - self.begin) ** 3 * typical / UNTOLD) ** 0.25  # its prior variance is q T³/β⁴
-        return int(np.ceil(beta / np.pi))
+        return int(min(np.ceil(beta / np.pi), most))
 
     def lasting_variance(self, x: FloatArray, density: float) -> float:
         """The variance of a coordinate of an acceleration that lasts, see `lasting_variance`, for unknowns x (p,)."""
@@ -172,7 +172,7 @@ def enriched(path: Path, theta: FloatArray, information: FloatArray) -> ProcessN
     if not isinstance(path, ProcessNoisePath):
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    needed = min(path.told_modes(density, information), path.most)
+    needed = path.told_modes(density, information, path.most)
     if path.count >= needed:
         return None
     return path.with_modes(path.count * 2 ** int(np.ceil(np.log2(needed / path.count))))

@@ -235,7 +235,7 @@ class _Refinement:
         return left
 
     def _enrich_path(self) -> bool:
-        """Whether the modes of process noise that the path leaves out matter; then it has twice as many."""
+        """Whether the tracks tell modes of process noise that the path leaves out; then it has them."""
         assert self.theta is not None  # noqa: S101  there was a step
         richer = enriched(self.path, self.theta, np.diag(self.problem.matrix) / self.together)
         if richer is None:

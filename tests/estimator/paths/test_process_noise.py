@@ -38,10 +38,12 @@ def test_modes_are_doubled_until_those_left_out_are_told_less_than_a_hundredth()
     variance = 3e-4 * 20.0**3 / wave_numbers(200) ** 4
     for told, count in ((11, None), (14, 24), (47, 48), (100, 96)):
         information = np.full(path.size, 0.01 / variance[told - 1])  # just enough for as many
-        assert path.told_modes(3e-4, information) == pytest.approx(told, abs=1)
+        assert path.told_modes(3e-4, information, 1000) == pytest.approx(told, abs=1)
         richer = enriched(path, theta, information)
         assert (None if richer is None else richer.count) == count
         assert enriched(path.base, theta, information) is None
+    assert enriched(path, theta, np.full(path.size, -1e-12)) is None
+    assert enriched(path, theta, np.full(path.size, np.inf)).count == 96
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])
