@@ -14,7 +14,7 @@ FEWEST_PAIRS = 0.25  # of the values, at a lag: as if there were as many, where 
 
 def integrated_autocorrelation(series: Sequence[FloatArray]) -> tuple[float, int]:
     """1 + 2 Σ ρ of series (n, 3) about zero, summed to the first lag at which ρ is not positive; and that lag."""
-    products, _ = _summed_products(series)
+    products = _summed_products(series)
     lag = _first_lag_without(products)
     return _integrated(products, lag), lag
 
@@ -34,32 +34,25 @@ def growth_by_lasting(
         share: of the squares, that hangs together; the other part is white, and in the squares only.
         clear: standard deviations of it for white noise, above which it is significant.
     """
-    products, pairs = _summed_products(series)
+    products = _summed_products(series)
     lag = _first_lag_without(products)
     if _integrated(products, lag) <= 1 + clear * 2 * np.sqrt(lag / values):
         return 1.0
+    pairs = _summed_products([np.asarray(values.any(axis=1, keepdims=True), dtype=float) for values in series])
     total = 1 + share * (_integrated(products / np.maximum(pairs, FEWEST_PAIRS * pairs[0]), lag) - 1)
     return float(total * (1 + (2 * lag + 1) / frames))
 
 
-def _summed_products(series: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """The sums (k,) of the products of values that are so many rows apart, and how many rows that are not zero are."""
+def _summed_products(series: Sequence[FloatArray]) -> FloatArray:
+    """The sums (k,) over series (n, c) of the products of values that are 0, 1, … rows apart."""
     longest = max(len(values) for values in series)
-    products, pairs = np.zeros(max(longest // 2, 1)), np.zeros(max(longest // 2, 1))
+    products = np.zeros(max(longest // 2, 1))
     for values in series:  # one by one, as the transforms take several times the memory of the series
         size = next_fast_len(len(values) + len(products), real=True)
-        products += _correlated(values.T, size)[: len(products)]
-        seen = values.any(axis=1)
-        if seen.all():
-            pairs += np.maximum(len(values) - np.arange(len(pairs)), 0)
-        else:
-            pairs += np.rint(_correlated(np.asarray(seen, dtype=float)[None], size)[: len(pairs)])
-    return products, pairs
-
-
-def _correlated(rows: FloatArray, size: int) -> FloatArray:
-    transformed = rfft(rows, size)
-    return np.asarray(irfft(np.sum(transformed.real**2 + transformed.imag**2, axis=0), size))
+        transformed = rfft(values.T, size)
+        power = np.sum(transformed.real**2 + transformed.imag**2, axis=0)
+        products += irfft(power, size)[: len(products)]
+    return products
 
 
 def _first_lag_without(products: FloatArray) -> int:

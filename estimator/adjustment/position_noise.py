@@ -32,7 +32,7 @@ LONGER, FEWEST_SPANS = 4, 8  # factor from spans to longer ones; how many spans 
 UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
 MOST_EXPLAINED = 0.8  # share of the slips' variance
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
-MOST_SHAKE = 3e-3  # rad, of a camera from frame to frame: ten times that of one without a mount to speak of
+MOST_SHAKE = 3e-3  # rad, of a camera from frame to frame: a sixth of a degree
 BLOCKS, BLOCK = 5, 1200  # of successive frames of a body that are looked at where slow slips are none of it, at most
 
 

@@ -140,6 +140,7 @@ def maximised(
     if np.isin(np.flatnonzero(tracks.seen.any(axis=1)), posed, invert=True).any():
         # Many modes would follow what the fitted rotation is off at first where no attitude is seen, for good.
         path = with_fewest_modes(pivot.path)
+    if path is not pivot.path:
         sampled, x = _sampled(path, x, tracks.time, errors)
     problem = given.problem(rotation, path, sampled)
     state = State(rotation, rotation.at(tracks.time), x)
