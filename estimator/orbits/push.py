@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.findings import PushAxes, UnknownPush
+from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.extended_path import parts_of
-from baryscope.estimator.paths.forces import BROAD, SPAN_TIMES, VARIES, Force, PushedPath, constant_of
+from baryscope.estimator.paths.forces import BROAD, SPAN_TIMES, VARIES, Force, ForcedPath, PushedPath, constant_of
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Hyperparameter
+from baryscope.estimator.paths.process_noise import ProcessNoisePath
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import EARTH_RADIUS, Orbit
 
@@ -55,6 +57,17 @@ def untold_push(orbit: Orbit) -> float:
     altitude = orbit.semi_major_axis * (1 - orbit.eccentricity) - EARTH_RADIUS
     drag = UNTOLD_DRAG * float(np.exp((ALTITUDE - altitude) / SCALE_HEIGHT)) if orbit.is_the_earths else 0.0
     return UNTOLD_LIGHT + min(drag, MOST_PUSH)
+
+
+def untold_push_beside(path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> ForcedPath | None:
+    """A path's base with a constant push of the size that is likely where nobody tells one; None where one is told or
+    found, or process noise is given, which stands for all that acts.
+    """
+    if options.constant_acceleration != "none" or path.density is not None or unknown_push_in(path) is not None:
+        return None
+    pushed = constant_of("lvlh", orbit, path.begin, path.end)
+    push = replace(pushed, deviations=np.full(len(pushed.names), untold_push(orbit)))
+    return ForcedPath(path.base, push, path.begin, path.end)
 
 
 def with_any_push(path: Path, orbit: Orbit, begin: float, end: float) -> tuple[UnknownPushPath, ...]:

@@ -27,9 +27,9 @@ from baryscope.estimator.orbits.error import (
 )
 from baryscope.estimator.orbits.estimated import acting_orbit, estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
-from baryscope.estimator.orbits.push import unknown_push_in, untold_push
+from baryscope.estimator.orbits.push import untold_push_beside
 from baryscope.estimator.paths.doubtful_path import DoubtfulPath
-from baryscope.estimator.paths.forces import Force, ForcedPath, constant_of
+from baryscope.estimator.paths.forces import Force, ForcedPath
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
@@ -122,10 +122,9 @@ def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options:
         beside = _Beside.of(found, path, orbit_error(orbit, found.position, *span, deviation))
         told = orbit.accuracy is not None
         doubts.append(_Doubt(beside, deviation, True, True) if told else _Doubt.of(beside, OF_ORBIT))
-    if options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None:
-        pushed = constant_of("lvlh", orbit, *span)
-        beside = _Beside.of(found, path, replace(pushed, deviations=np.full(3, untold_push(orbit))))
-        doubts.append(_Doubt.of(beside, OF_PUSH))
+    push = untold_push_beside(path, orbit, options)
+    if push is not None:
+        doubts.append(_Doubt.of(_Beside.of(found, path, push.force), OF_PUSH))
     return tuple(doubt for doubt in doubts if doubt is not None)
 
 

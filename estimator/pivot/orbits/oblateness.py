@@ -10,11 +10,13 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.hyperparameters.evidence import conditional, cost, maximise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.oblateness import oblateness_in, perhaps_oblate, perhaps_oblate_in
+from baryscope.estimator.orbits.push import untold_push_beside
 from baryscope.estimator.paths.extended_path import based_on
+from baryscope.estimator.paths.forces import ForcedPath
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
-from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.paths.relative_motion import orbit_in
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.paths.seen_path import as_seen
@@ -29,6 +31,7 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import EARTH_J2, Orbit
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 NOTICEABLE = 4.0  # squared displacement of the answer by J2, in its covariance: two deviations
 
@@ -54,11 +57,15 @@ def with_oblateness(
     wider = chosen_path(options, oblate, path.begin, path.end, start.errors)
     assert isinstance(wider, ProcessNoisePath)  # noqa: S101  as that with the other orbit is
     fresh = _start_on(wider.with_modes(path.count), found, found.solution.x, start)
-    test = _ScoreTest.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
+    shifted = as_seen(fresh.path, fresh.sampled, start.errors, fresh.x)
+    test = _ScoreTest.of(found, shifted, fresh.x)
     if test.gain >= DECISIVE:
         other = _refined(fresh, found, options)
         if other is not None and gain_over(found, other, start) >= 0:
-            return other, fresh, oblate
+            if other.has(DENSITY):  # something else acts, which may be all there is
+                test = _ScoreTest.of(found, shifted, fresh.x, untold_push_beside(path, orbit, options))
+            if test.gain >= DECISIVE:
+                return other, fresh, oblate
     if test.gain <= -DECISIVE or test.displacement < NOTICEABLE:
         return found, start, orbit
     either = perhaps_oblate(orbit, oblate, found.position, (path.begin, path.end), options.acceleration)
@@ -107,8 +114,10 @@ class _ScoreTest:
     displacement: float
 
     @classmethod
-    def of(cls, found: PivotSolution, sampled: SampledPath, x: FloatArray) -> "_ScoreTest":
-        """The test of a path sampled at the unknowns x (p,), near that of a solution.
+    def of(
+        cls, found: PivotSolution, sampled: SampledPath, x: FloatArray, push: ForcedPath | None = None
+    ) -> "_ScoreTest":
+        """The test of a path sampled at the unknowns x (p,), near that of a solution; push: that may act on either.
 
         The shift from the one to the other, all of it or none, is an unknown. Of many frames some are looked at, each
         with the weight of those it stands for.
@@ -117,15 +126,23 @@ class _ScoreTest:
         told = float((found.observations.weight * found.observations.squares(shift[:, None])).sum()) / found.variance
         if told < NOTICEABLE:  # more than this they do not know of the difference
             return cls(0.0, 0.0)
-        further = FurtherUnknowns.of(found, lambda rows: shift[rows, :, None])
-        linear, prior, last = further.linear, found.path.prior, np.array([len(further.at) - 1])
+        prior = found.path.prior
+        if push is not None:
+            prior = prior.joined(push.prior.of(np.arange(push.base.size, push.size)))
+
+        def columns(rows: IntArray) -> FloatArray:
+            pushed = [] if push is None else [push.columns(found.time[rows])]
+            return np.concatenate([*pushed, shift[rows, :, None]], axis=2)
+
+        further = FurtherUnknowns.of(found, columns)
+        linear, last = further.linear, np.array([len(further.at) - 1])
         (none, less), (whole, more) = (fixed_at(linear, last, np.array([share])) for share in (0.0, 1.0))
         theta = maximise(none, prior)
         gain = cost(none, prior, theta) + less - cost(whole, prior, maximise(whole, prior)) - more
         covariance = conditional(none, prior, theta)[1]
         change = np.append(-covariance @ linear.information[:-1, -1], 1.0)
         moved = further.path.position(further.at + change) - further.path.position(further.at)
-        own = further.alone.covariance(covariance)
+        own = further.path.covariance(np.pad(covariance, (0, 1)))
         squares = np.sum(moved * np.linalg.solve(own, moved[:, :, None])[:, :, 0], axis=1)
         return cls(gain, float(squares.max()))
 
