@@ -24,6 +24,8 @@ def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: floa
 
 def of_first(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, count: int) -> GaussianLikelihood:
     """The problem in the first unknowns alone; the others (p - count,) have their prior for hyperparameters (h,)."""
+    if count == len(linear.x):
+        return linear
     precision = held(linear, prior, theta)[0][count:]
     across = linear.information[count:, :count]
     pull = linear.rhs[count:] - precision * linear.x[count:]

@@ -57,6 +57,13 @@ def test_the_path_is_told_better_than_by_a_law_of_its_coefficients():
     assert own.predicted_rmse**2 < 0.6 * smooth.predicted_rmse**2
 
 
+def test_the_orbit_is_found_without_process_noise():
+    """With no unknowns beside those of the smooth path: it was `unexpected array size` of LAPACK."""
+    found = estimate(on_orbit().tracks, options=PathOptions(process_noise="none"))
+    assert [type(one) for one in found.findings] == [EstimatedOrbit]
+    assert squared_error(found, on_orbit()) < 4.5**2
+
+
 @pytest.mark.parametrize("revolutions", [0.1, 2.0])
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 def test_the_orbit_goes_on_beyond_the_tracks(method, revolutions):
