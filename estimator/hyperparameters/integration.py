@@ -5,6 +5,7 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from baryscope.estimator.hyperparameters.evidence import (
     BELOW,
@@ -32,6 +33,8 @@ EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
 MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
 LEAST_EFFECT = 1.0  # prior variance times information, from which an optional hyperparameter is not as good as none
 CLAIMED = 0.8  # probability that an optional hyperparameter is no greater than that of the claimed covariance
+BEYOND = 0.05  # probability of an error outside of the region that is to hold most
+EXCLUDED = 300.0  # ln of odds, beyond which they no longer matter
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
 NINETY = 1.645  # standard deviations either way that hold 90 %
 
@@ -81,6 +84,9 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     covariances would be claimed in either case, and an error that one of them explains is beyond it too often: so the
     covariance for given hyperparameters is that of their CLAIMED quantile.
 
+    What vanishes is nothing as likely as not. Both have their weight in the mean. Of either covariance there is as much
+    as leaves no more errors outside of the region of 1 - BEYOND.
+
     θ is that of a prior which holds what is not typical for nearly impossible, as a search needs that is not to follow
     outliers. Where the observations tell it all the same, the claim must not be too small by that: here it is tolerant.
     """
@@ -91,6 +97,7 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
     shared = prior.uses.sum(axis=1) > 1
     joint = (prior.uses & shared[:, None]).any(axis=0)
+    claimed = 1.0  # the share of what may vanish in the covariance
     for index in np.flatnonzero(~joint):
         step = _step(linear, prior, theta, int(index))
         points, costs = _along(linear, prior, theta, step * np.eye(len(theta))[index], bounds)
@@ -127,14 +134,48 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
         # By the trapezoidal rule; one without a range is at its ends in all points.
         weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
         mixture = few.whole(_Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
-        total += _positive(mixture.within + mixture.between - covariance, np.diag(covariance))
+        vanishing = [int(index) for index in np.flatnonzero(joint) if prior.hyperparameters[index].vanishing]
+        if vanishing:
+            mass = weight.sum() * _cell(steps, np.ptp(bounds, axis=1), vanishing[0]) / BELOW
+            still, less = _without(few.linear, few.prior, theta, vanishing[0], bounds)
+            nothing = 1 / (1 + mass * np.exp(min((less - min(costs)) / 2, EXCLUDED)))
+            claimed = _claimed_share(1 - nothing)
+            other = few.whole(_Mixture.of(few.linear, few.prior, [still], np.ones(1)))
+            mixture = mixture.or_else(other, nothing, claimed)
+        total += mixture.within + mixture.between - covariance
         mean += mixture.mean - at_best
     if np.any(prior.scatter):
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
         wider = conditional(linear, prior.scattered(untold), theta)[1]
-        total += _positive(wider - covariance, np.diag(covariance))
+        total += claimed * _positive(wider - covariance, np.diag(covariance))
     covariance, information = (total + total.T) / 2, np.diag(linear.information)
     return Posterior(theta, interval, significance, expectation, mean, covariance, at_best, information)
+
+
+def _without(
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray
+) -> tuple[FloatArray, float]:
+    """θ (h,) where one hyperparameter is at its lower bound, without an effect; and −2 ln p there, with the density of
+    that hyperparameter's own prior at θ.
+    """
+    without = theta.copy()
+    without[index] = bounds[index, 0]
+    by_root = float(prior.hyperparameters[index].by_root)
+    return without, cost(linear, prior, without) + by_root * float(without[index] - theta[index])
+
+
+def _claimed_share(probability: float) -> float:
+    """The share, in the covariance of two explanations, of one of a probability whose errors are by far the greater.
+
+    Three coordinates are outside of the region of 1 - BEYOND, by χ² of the claim, as improbably as BEYOND.
+    """
+    return float(chdtri(3, min(BEYOND / max(probability, BEYOND), 1.0)) / chdtri(3, BEYOND))
+
+
+def _cell(steps: FloatArray, width: FloatArray, index: int) -> float:
+    """The volume of a cell of steps (k, h), over the widths (h,) of the ranges of all hyperparameters but one."""
+    others = steps.any(axis=0) & (np.arange(len(width)) != index)
+    return float(np.sqrt(np.linalg.det(steps @ steps.T)) / width[others].prod())
 
 
 def _step(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, index: int) -> float:
@@ -226,6 +267,16 @@ class _Mixture:
         mean = weight @ np.array(means)
         apart = np.array(means) - mean
         return cls(mean, within, (weight[:, None] * apart).T @ apart)
+
+    def or_else(self, other: "_Mixture", probability: float, claimed: float) -> "_Mixture":
+        """This mixture or another one, of a probability; claimed: this one's share in the covariance about the mean."""
+        apart = np.outer(other.mean - self.mean, other.mean - self.mean)
+        own, others = self.between + probability**2 * apart, other.between + (1 - probability) ** 2 * apart
+        return _Mixture(
+            (1 - probability) * self.mean + probability * other.mean,
+            claimed * self.within + (1 - claimed) * other.within,
+            claimed * own + (1 - claimed) * others,
+        )
 
 
 @dataclass(frozen=True, eq=False)

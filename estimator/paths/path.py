@@ -142,7 +142,7 @@ class SmoothPath(Polynomial):
         """The prior of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
         parameters = (
-            Hyperparameter(FIRST, upper=np.log(LONGEST**2), by_root=True),
+            Hyperparameter(FIRST, upper=np.log(LONGEST**2), by_root=True, vanishing=True),
             Hyperparameter(FREQUENCY, np.log(LOWEST_FREQUENCY), np.log(max(self.degree, 1))),
             Hyperparameter(OVERTONES, *DECAY),
         )

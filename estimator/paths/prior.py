@@ -27,6 +27,7 @@ class Hyperparameter:
     may be nothing of it at all, so that its range goes on below, without an effect. typical: its root is not only
     log-uniform, but exponentially improbable beyond this (Simpson et al. 2017, Statistical Science 32). by_root: its
     root is uniform instead (Gelman 2006, Bayesian Analysis 1, § 3.2), so that none of it is no likelier than any other.
+    vanishing: there is nothing of it as likely as not, whatever its range.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Hyperparameter:
     optional: bool = False
     typical: float | None = None
     by_root: bool = False
+    vanishing: bool = False
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from baryscope.estimator.hyperparameters import integration
 from baryscope.estimator.hyperparameters.evidence import (
@@ -15,7 +16,14 @@ from baryscope.estimator.hyperparameters.evidence import (
     maximise,
     ranges,
 )
-from baryscope.estimator.hyperparameters.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
+from baryscope.estimator.hyperparameters.integration import (
+    BEYOND,
+    GRID_END,
+    LEAST_EFFECT,
+    NINETY,
+    Posterior,
+    posterior,
+)
 from baryscope.estimator.paths.path import LONGEST, SmoothPath
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
@@ -234,18 +242,33 @@ def over_grid(linear, prior, theta):
     """The second moment of x about its mean for θ, over a grid of all three hyperparameters' ranges.
 
     As far as −2 ln p is at most GRID_END above the least: beyond, the mean of a variance that is not told has no bound
-    but that of the range.
+    but that of the range. What is there of the first at its lower bound is as likely as all the rest, of which it is
+    uniform in the root, as likely as BELOW factors of e at θ, and the others are uniform over their ranges. The share
+    of all the rest, of probability p, in the covariance is that of the quantiles of χ² for p and for certainty.
     """
-    axes = [np.linspace(low, high, n) for (low, high), n in zip(ranges(linear, prior), (48, 20, 21), strict=True)]
+    bounds = ranges(linear, prior)
+    axes = [np.linspace(low, high, n) for (low, high), n in zip(bounds, (48, 20, 21), strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     costs = np.array([cost(linear, prior, at) for at in points])
     weight = np.where(costs < costs.min() + GRID_END, np.exp(-(costs - costs.min()) / 2), 0.0)
-    centre, total = conditional(linear, prior, theta)[0], 0.0
-    for share, at in zip(weight / weight.sum(), points, strict=True):
-        if share > 0:
-            mean, covariance = conditional(linear, prior, at)
-            total += share * (covariance + np.outer(mean - centre, mean - centre))
+    none = np.array([bounds[0, 0], *theta[1:]])
+    odds = BELOW * np.exp(-(cost(linear, prior, none) + none[0] - theta[0] - costs.min()) / 2)
+    mass = weight.sum() * (axes[0][1] - axes[0][0]) / (20 * 21)
+    probability = mass / (mass + odds)
+    rest, resting = (posterior_of(linear, prior, *one) for one in ((points, weight / weight.sum()), ([none], [1.0])))
+    mean = probability * rest[0] + (1 - probability) * resting[0]
+    share = chi2.isf(min(BEYOND / probability, 1), 3) / chi2.isf(BEYOND, 3)
+    total = np.outer(mean - conditional(linear, prior, theta)[0], mean - conditional(linear, prior, theta)[0])
+    for part, (own, covariance) in ((share, rest), (1 - share, resting)):
+        total += part * (covariance + np.outer(own - mean, own - mean))
     return total
+
+
+def posterior_of(linear, prior, points, weight):
+    """The mean (p,) and covariance (p, p) of x for weights of points."""
+    found = [(share, *conditional(linear, prior, at)) for share, at in zip(weight, points, strict=True) if share > 0]
+    mean = sum(share * own for share, own, _ in found)
+    return mean, sum(share * (covariance + np.outer(own - mean, own - mean)) for share, own, covariance in found)
 
 
 @pytest.mark.parametrize("count", [20, 200, 1000])
