@@ -6,6 +6,7 @@ Scenario files and the FMU refuse the same values because both evaluate these co
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Self
 
 import casadi as ca
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from baryscope.models.attitude import inertia_tensor, moments_about, principal_axes, symmetric_tensor
 from baryscope.models.frames import Symbol, rotation_from_quaternion
 from baryscope.models.keplerian import Elements
-from baryscope.models.variables import TOLERANCES
+from baryscope.models.variables import NO_FORCES, TOLERANCES, Forces, Kind, Variable, variable_table
 
 SINGULAR = 1e-14  # of the trace of J: a smaller moment is rounding
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
@@ -79,6 +80,24 @@ class CheckSet:
         index = int(np.argmin(margins > 0))
         check, value = self.checks[index], np.array(self.found(vector)).ravel()[index]
         return f"{check.field}: found {check.quantity} {value:g}, expected {check.expected}"
+
+
+def symbols_of(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
+    """The variables of one kind as symbols of their shapes, and the flat vector of all of them."""
+    flat = {v.name: ca.SX.sym(v.name, v.size) for v in table if v.kind == kind}
+    shaped = {
+        v.name: ca.reshape(flat[v.name], *reversed(v.shape)).T if len(v.shape) == 2 else flat[v.name]
+        for v in table
+        if v.kind == kind
+    }
+    return shaped, ca.vertcat(*flat.values())
+
+
+@cache
+def checks_of(feature_count: int, forces: Forces = NO_FORCES) -> CheckSet:
+    """The conditions on p of a target with `feature_count` features under some forces, made without its equations."""
+    parameters, p = symbols_of(variable_table(feature_count, forces), Kind.PARAMETER)
+    return CheckSet.over(p, parameter_checks(parameters))
 
 
 def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:

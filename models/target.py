@@ -36,7 +36,7 @@ from baryscope.models.attitude import (
     rotational_energy,
     symmetric_inverse,
 )
-from baryscope.models.checks import CheckSet, parameter_checks, state_checks
+from baryscope.models.checks import CheckSet, checks_of, state_checks, symbols_of
 from baryscope.models.frames import (
     Sight,
     Symbol,
@@ -127,8 +127,8 @@ class TumblingTarget:
 def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingTarget:
     """Build the symbolic system for a target with `feature_count` features under some forces."""
     table = variable_table(feature_count, forces)
-    inputs, u = _symbols(table, Kind.INPUT)
-    parameters, p = _symbols(table, Kind.PARAMETER)
+    inputs, u = symbols_of(table, Kind.INPUT)
+    parameters, p = symbols_of(table, Kind.PARAMETER)
     place_size = sum(perturbed.PLACE_SIZES) if forces else 1
     relative = PLACE_START + place_size
     x = ca.SX.sym("x", relative + 6)
@@ -184,7 +184,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
         run_reverse=run[1],
         initial_forward=beginning[0],
         initial_reverse=beginning[1],
-        checks=CheckSet.over(p, parameter_checks(parameters)),
+        checks=checks_of(feature_count, forces),
         state_checks=CheckSet.over(x, state_checks(x[:4], x[PLACE_START:relative]), "target_state"),
     )
 
@@ -218,17 +218,6 @@ def _features_in(table: tuple[Variable, ...], inputs: int) -> slice:
     first = [variable.name for variable in own].index("target.features")
     start = inputs + sum(variable.size for variable in own[:first])
     return slice(start, start + 2 * own[first].size)
-
-
-def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
-    """The variables of one kind as symbols of their shapes, and the flat vector of all of them."""
-    flat = {v.name: ca.SX.sym(v.name, v.size) for v in table if v.kind == kind}
-    shaped = {
-        v.name: ca.reshape(flat[v.name], *reversed(v.shape)).T if len(v.shape) == 2 else flat[v.name]
-        for v in table
-        if v.kind == kind
-    }
-    return shaped, ca.vertcat(*flat.values())
 
 
 def _flat(value: Symbol) -> Symbol:

@@ -6,6 +6,7 @@ The FMU's XML, its C tables and the Python session are all derived from it.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
 from itertools import product
 from math import inf, nextafter, pi, prod
 
@@ -159,6 +160,7 @@ CAMERA = ("x, along the baseline", "y", "z, boresight")  # axes of a pair of cam
 THRUSTERS = ("scale", *CAMERA)  # what thrusters are wrong by
 
 
+@cache
 def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Variable, ...]:
     """All variables of the unit for a target with `feature_count` features, in the order of their kinds."""
     n = feature_count

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from baryscope.models.checks import checks_of
 from baryscope.models.orbit import orbit_parameters
 from baryscope.models.scenario.forces import Drag, EddyCurrents, Light
 from baryscope.models.scenario.orbit import OrbitField
 from baryscope.models.scenario.schema import FileModel
 from baryscope.models.scenario.tables import Chaser, Features, Run, Sensor, Target, Tracking
 from baryscope.models.target import TumblingTarget, tumbling_target
-from baryscope.models.variables import AXES, Force, Forces, Kind
+from baryscope.models.variables import AXES, Force, Forces, Kind, variable_table
 
 MIN_SAMPLES = 3
 MAX_POSITIONS = 10_000_000  # samples × features: a wrong unit of sample_time must not fill the memory
@@ -73,7 +74,7 @@ class Scenario(FileModel):
                 f"run.duration: found {self.duration:g} s, in which the target makes {turns:.3g} turns, "
                 f"expected at most {MAX_TURNS} turns"
             )
-        failure = self.system.checks.failure(self.flat_parameters())
+        failure = checks_of(len(self.features.points), self.forces).failure(self.flat_parameters())
         if failure is not None:
             raise ValueError(failure)
         return self
@@ -125,8 +126,8 @@ class Scenario(FileModel):
     def flat_parameters(self) -> NDArray[np.float64]:
         """The unit's parameter vector p, in the order of the table of variables."""
         values = self.parameters()
-        table = self.system.of_kind(Kind.PARAMETER)
-        return np.concatenate([values[variable.name].ravel() for variable in table])
+        table = variable_table(len(self.features.points), self.forces)
+        return np.concatenate([values[variable.name].ravel() for variable in table if variable.kind == Kind.PARAMETER])
 
     def _force_parameters(self) -> dict[str, Any]:
         """The parameters that the unit has for its forces only."""
