@@ -34,7 +34,7 @@ from baryscope.estimator.adjustment.spurious import (
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.findings import ExcessResiduals, FewFrames, Finding, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import inverse_and_null_space
 from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -214,7 +214,7 @@ def solve_score(registered: Registered, functions: FloatArray | None = None) -> 
         rhs[own] = np.einsum("kij,ki->j", R, origin)
         rhs[centre] += (b.T @ origin).ravel()
     matrix[3 * j + 3 :, 3 * j + 3 :] += np.eye(3 * q - 3)
-    inverse = symmetric_pseudo_inverse(matrix)
+    inverse, null_space = inverse_and_null_space(matrix)
     found = inverse @ rhs
     centres, offsets = found[centre].reshape(-1, 3), found[: 3 * j].reshape(-1, 3)
     squares = sum(
@@ -223,7 +223,7 @@ def solve_score(registered: Registered, functions: FloatArray | None = None) -> 
     )
     values = 3 * sum(len(body.frames) for body in bodies)
     variance = squares / max(values - len(found), 1)
-    return Fit(centres, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix)))
+    return Fit(centres, offsets, inverse, variance, null_space)
 
 
 def _joint_covariance(registered: Registered, inliers: BoolArray, fit: Fit, lasting: float) -> FloatArray:

@@ -34,12 +34,18 @@ def eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
     """Pseudo-inverse (p, p) of a symmetric positive semidefinite matrix (p, p): zero in its null space."""
+    return inverse_and_null_space(matrix, sizes)[0]
+
+
+def inverse_and_null_space(matrix: FloatArray, sizes: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """`symmetric_pseudo_inverse`, and a basis (p, k) of the null space; its columns are not normalised."""
     regular = _inverse_of_regular(matrix, sizes)
     if regular is not None:
-        return regular
+        return regular, np.zeros((len(matrix), 0))
     scale, values, vectors = _scaled(matrix, sizes)
     inverse = np.where(values > RANK_TOLERANCE, 1 / np.where(values > RANK_TOLERANCE, values, 1.0), 0.0)
-    return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
+    null_space = scale[:, None] * vectors[:, values <= RANK_TOLERANCE]
+    return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale)), np.asarray(null_space)
 
 
 def inverse_across(matrix: FloatArray, along: FloatArray, sizes: FloatArray) -> FloatArray:
@@ -55,14 +61,6 @@ def inverse_across(matrix: FloatArray, along: FloatArray, sizes: FloatArray) -> 
     along, _ = np.linalg.qr(along)
     left = inverse @ along
     return np.asarray(inverse - left @ along.T - along @ left.T + along @ (along.T @ left) @ along.T)
-
-
-def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
-    """A basis (p, k) of the null space in which `symmetric_pseudo_inverse` is zero; its columns are not normalised."""
-    if _inverse_of_regular(matrix, sizes) is not None:
-        return np.zeros((len(matrix), 0))
-    scale, values, vectors = _scaled(matrix, sizes)
-    return np.asarray(scale[:, None] * vectors[:, values <= RANK_TOLERANCE])
 
 
 def factor_of(covariance: FloatArray) -> FloatArray:

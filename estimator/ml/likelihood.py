@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import inverse_and_null_space
 from baryscope.estimator.ml.model import Model
 from baryscope.estimator.ml.sums import Sums
 from baryscope.estimator.paths.sampled_path import SampledPath
@@ -62,10 +62,10 @@ class Equations:
         """
         added, own = np.zeros_like(self.matrix) + prior, self.rotation_size
         matrix, sizes = self.matrix + added, self.sizes + np.diag(added)
-        null_space, known = null_space_of(matrix, sizes), symmetric_pseudo_inverse(matrix, sizes)
-        of_prior = null_space.T @ added @ null_space
-        if not null_space_of(of_prior).shape[1]:
-            return np.asarray(known + null_space @ symmetric_pseudo_inverse(of_prior) @ null_space.T)
+        known, null_space = inverse_and_null_space(matrix, sizes)
+        of_prior, untold = inverse_and_null_space(null_space.T @ added @ null_space)
+        if not untold.shape[1]:
+            return np.asarray(known + null_space @ of_prior @ null_space.T)
         lengths = path.lengths(null_space[own:])
         typical = path.lengths(np.diag(1 / np.sqrt(sizes[own:]))).max()
         moving = lengths > 1e-6 * typical  # the others change the rotation only

@@ -26,8 +26,7 @@ from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
     inverse_across,
-    null_space_of,
-    symmetric_pseudo_inverse,
+    inverse_and_null_space,
 )
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.registration.body import Body
@@ -124,7 +123,7 @@ class Linearised:
         """
         prior = np.zeros_like(self.x) if precision is None else precision
         matrix, rhs, sizes = self.matrix + np.diag(prior), self.rhs - prior * self.x, self.sizes + prior
-        covariance = symmetric_pseudo_inverse(matrix, sizes)
+        covariance, null_space = inverse_and_null_space(matrix, sizes)
         change = covariance @ rhs
         moved, decrease = [], float(change @ rhs)
         for body, inverse, by_path, points_rhs, told in zip(
@@ -143,7 +142,7 @@ class Linearised:
             by_path=self.by_path,
             offset_covariance=np.zeros(0),
             offset_path=np.zeros(0),
-            null_space=null_space_of(matrix, sizes),
+            null_space=null_space,
             offset_null_space=np.zeros(0),
             squares=self.squares,
             decrease=decrease,

@@ -7,9 +7,9 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
     eigen,
     inverse_across,
+    inverse_and_null_space,
     inverted_sums,
     made_definite,
-    null_space_of,
     symmetric_pseudo_inverse,
 )
 
@@ -20,7 +20,7 @@ def test_pseudo_inverse_is_independent_of_scale():
     matrix = factor @ factor.T * np.outer(scale, scale)
     found = symmetric_pseudo_inverse(matrix) * np.outer(scale, scale)
     np.testing.assert_allclose(found, np.linalg.inv(factor @ factor.T), rtol=1e-7)
-    assert null_space_of(matrix).shape == (6, 0)
+    assert inverse_and_null_space(matrix)[1].shape == (6, 0)
 
 
 def test_inverted_sums_of_regular_and_of_singular_matrices():
@@ -49,13 +49,13 @@ def test_inverted_sums_are_covariances_however_great_the_information_is():
 def test_null_space_is_left_out_and_returned():
     factor = np.random.default_rng(0).normal(size=(6, 3))
     singular = factor @ factor.T
-    found, null_space = symmetric_pseudo_inverse(singular), null_space_of(singular)
+    found, null_space = inverse_and_null_space(singular)
     np.testing.assert_allclose(singular @ found @ singular, singular, atol=1e-10)
     assert np.linalg.matrix_rank(found, tol=1e-8) == 3
     assert null_space.shape == (6, 3)
     np.testing.assert_allclose(singular @ null_space, 0, atol=1e-6 * np.abs(null_space).max())
     np.testing.assert_array_equal(symmetric_pseudo_inverse(np.zeros((2, 2))), 0)
-    assert null_space_of(np.zeros((2, 2))).shape == (2, 2)
+    assert inverse_and_null_space(np.zeros((2, 2)))[1].shape == (2, 2)
 
 
 @pytest.mark.parametrize("least", [1e-2, 1e-8, 1e-11, 1e-12])
@@ -66,14 +66,14 @@ def test_small_eigenvalues_are_inverted_as_well(least):
     matrix = (axes * values) @ axes.T
     found = symmetric_pseudo_inverse((matrix + matrix.T) / 2)
     np.testing.assert_allclose(matrix @ found, np.eye(7), rtol=0, atol=20 * np.finfo(float).eps / least)
-    assert null_space_of(matrix).shape == (7, 0)
+    assert inverse_and_null_space(matrix)[1].shape == (7, 0)
 
 
 def test_rounding_left_by_elimination_belongs_to_the_null_space():
     """A direction whose information was 1e8 before the elimination and is 1e-7 after it: 1e-15 of its size."""
     matrix, sizes = np.diag([1e8, 1e-7]), np.array([1e8, 1e8])
     np.testing.assert_allclose(symmetric_pseudo_inverse(matrix, sizes), np.diag([1e-8, 0]), rtol=1e-12)
-    null_space = null_space_of(matrix, sizes)
+    null_space = inverse_and_null_space(matrix, sizes)[1]
     assert null_space.shape == (2, 1)
     assert null_space[0, 0] == 0
     np.testing.assert_allclose(symmetric_pseudo_inverse(matrix), np.diag([1e-8, 1e7]), rtol=1e-12)
