@@ -3,6 +3,7 @@ tells a scenario from another with as many features and the same forces (scenari
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,7 @@ def generated_sources(unit: Blueprint, fmi: FmiVersion = 2, scalar: bool = False
     """
     core, shell = unit.core, "sampled_calls.c" if unit.is_sampled else "continuous_calls.c"
     return dict(core.generated) | {
-        "model.c": _model_source(unit),
+        "model.c": _model_source(unit.core.functions),
         "tables.h": _tables_header(unit, fmi, scalar),
         "core.h": _includes(*core.headers),
         "core.c": _includes("model.c", "checks.c", *core.files),
@@ -56,9 +57,10 @@ def _includes(*names: str) -> str:
     return "\n".join([_GENERATED, *(f'#include "{name}"' for name in names), ""])
 
 
-def _model_source(unit: Blueprint) -> str:
-    """C code of the equations."""
-    return without_null_checks(c_source(unit.core.functions))
+@lru_cache(maxsize=16)
+def _model_source(functions: tuple[ca.Function, ...]) -> str:
+    """C code of the equations: for units of other numbers it is the same."""
+    return without_null_checks(c_source(functions))
 
 
 def c_source(functions: Iterable[ca.Function]) -> str:
