@@ -110,7 +110,10 @@ PLACED = sorted(name for name in MODULES if layer_of(name) is not None)
 def test_every_module_has_its_layer():
     roots = {
         BARYSCOPE,
-        *(f"{BARYSCOPE}.{name}" for name in ("__main__", "progress", "streams", "table", "threads", "scripts")),
+        *(
+            f"{BARYSCOPE}.{name}"
+            for name in ("__main__", "progress", "streams", "table", "threads", "worker", "scripts")
+        ),
     }
     assert set(MODULES) - set(PLACED) == roots
     rooms = {room for rooms in LAYERS for room in rooms}

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from baryscope.models.errors import InputError
+from baryscope.worker import answer
 
 Task = tuple[Any, ...]
 Line = dict[str, Any]
@@ -96,7 +97,7 @@ def run(
 def _start(function: Callable[..., Line], tasks: list[Task]) -> _Worker:
     context = get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(function, theirs), daemon=True)
+    process = context.Process(target=answer, args=(function, theirs), daemon=True)
     process.start()
     theirs.close()
     worker = _Worker(ours, process, tasks)
@@ -121,12 +122,3 @@ def _end(worker: _Worker) -> None:
     worker.process.kill()
     worker.process.join()
     worker.connection.close()
-
-
-def _work(function: Callable[..., Line], connection: Connection) -> None:
-    while True:
-        try:
-            task = connection.recv()
-        except EOFError:
-            return
-        connection.send(function(*task))

@@ -6,7 +6,6 @@ needs neither: a task whose worker was killed goes to a new one.
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,7 +14,6 @@ from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from types import FrameType
 from typing import Any, TypeVar, cast
 
 from baryscope.models.errors import ComputationError
@@ -23,6 +21,7 @@ from baryscope.models.words import counted
 from baryscope.study.campaign.case import Case, run_one
 from baryscope.study.campaign.engines.engine import ATTEMPTS
 from baryscope.threads import THREADS
+from baryscope.worker import work
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -123,38 +122,10 @@ def _start(crew: dict[Connection, _Worker], function: Callable[[Any], Any], task
 def _process(function: Callable[[Any], Any]) -> tuple[Connection, SpawnProcess]:
     context = get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(function, theirs), daemon=True)
+    process = context.Process(target=work, args=(function, theirs), daemon=True)
     process.start()
     theirs.close()
     return ours, process
-
-
-def _work(function: Callable[[Any], Any], connection: Connection) -> None:
-    """The life of a worker: until there is no more to do, or nobody to do it for."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
-    try:
-        while (task := connection.recv()) is not None:
-            connection.send(_done(function, task))
-    except (EOFError, OSError):
-        pass
-    except Exception:
-        if signal.getsignal(signal.SIGTERM) is _leave:
-            raise
-        sys.exit(128 + signal.SIGTERM)  # a library has made another exception of the one by which we leave
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # on the way out it would be an exception that nobody catches
-
-
-def _done(function: Callable[[Any], Any], task: Any) -> Any:
-    try:
-        return function(task)
-    except ComputationError as error:
-        return error
-
-
-def _leave(number: int, frame: FrameType | None) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sys.exit(128 + number)  # an exception, so that temporary files are removed on the way out
 
 
 def _end(crew: dict[Connection, _Worker]) -> None:
