@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from baryscope.study.population.second.motion import relative_motion, tumble
+from baryscope.study.population.second.motion import relative_motion, tumbles
 from baryscope.study.population.second.orbits import Elements
 
 FloatArray = NDArray[np.float64]
@@ -51,11 +51,11 @@ def turn(start: Start, times: FloatArray) -> FloatArray:
     changes = [(none, SMALL * size * axis, SMALL * size) for axis in np.eye(3)]
     changes += [(SMALL * trace * part, still, SMALL) for part in basis]
 
-    def attitude(inertia: FloatArray, rate: FloatArray) -> FloatArray:
-        return tumble(start.inertia + inertia, start.rate + rate, start.quaternion, start.time, times)[0]
-
-    columns = []
-    for inertia, rate, step in changes:
-        change = np.swapaxes(attitude(-inertia, -rate), 1, 2) @ attitude(inertia, rate)
-        columns.append(Rotation.from_matrix(change).as_rotvec() / (2 * step))
+    inertias, rates = np.array([inertia for inertia, _, _ in changes]), np.array([rate for _, rate, _ in changes])
+    own = start.inertia + np.concatenate([inertias, -inertias]), start.rate + np.concatenate([rates, -rates])
+    after, before = np.split(tumbles(*own, start.quaternion, start.time, times), 2)
+    turns = np.swapaxes(before, 2, 3) @ after
+    columns = [
+        Rotation.from_matrix(one).as_rotvec() / (2 * step) for one, (_, _, step) in zip(turns, changes, strict=True)
+    ]
     return np.stack(columns, axis=2)
