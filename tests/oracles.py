@@ -198,3 +198,25 @@ def fallen(orbit, place, velocity, time, gravity=oblate_gravity):
     start = np.array(inertial_states(orbit, place, velocity), dtype=float).ravel()
     found = solve_ivp(slope, (0.0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-6).y
     return (found[:6] - found[6:]).T
+
+
+def slope_of(function, size, *others):
+    """The function of time and x (size,) that `solve_ivp` asks for, of a function of CasADi of x and others, which are
+    arrays or functions of time. It reads and writes numpy's memory: a call that converts takes ten times as long.
+    """
+    buffer, run = function.buffer()
+    state, slope = np.empty(size), np.empty(size)
+    held = [state, *(np.array(one(0.0) if callable(one) else one, dtype=float) for one in others)]
+    moving = [(own, one) for own, one in zip(held[1:], others, strict=True) if callable(one)]
+    for index, one in enumerate(held):
+        buffer.set_arg(index, one.data)
+    buffer.set_res(0, slope.data)
+
+    def slopes(t, x, _alive=(buffer, held)):
+        state[:] = x
+        for own, one in moving:
+            own[:] = one(t)
+        run()
+        return slope.copy()
+
+    return slopes

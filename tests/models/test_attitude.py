@@ -48,12 +48,10 @@ def integrated(J, rate, time):
         update={"inertia": tuple(map(tuple, J)), "attitude": (1.0, 0.0, 0.0, 0.0), "angular_rate_deg": np.rad2deg(rate)}
     )
     system = tumbling_target(len(scenario.features.points))
-    p, u = ca.DM(scenario.model_copy(update={"target": target}).flat_parameters()), ca.DM.zeros(6)
+    p = scenario.model_copy(update={"target": target}).flat_parameters()
     start = np.array(system.initial(p)).ravel()
-    solution = solve_ivp(
-        lambda _, x: np.array(system.rhs(x, u, p)).ravel(), (0, time[-1]), start, "DOP853", time,
-        rtol=1e-13, atol=1e-14,
-    )  # fmt: skip
+    slopes = oracles.slope_of(system.rhs, len(start), np.zeros(6), p)
+    solution = solve_ivp(slopes, (0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-14)
     return solution.y[:4].T, solution.y[4:7].T
 
 
@@ -95,7 +93,7 @@ def test_envisat_as_in_the_preset():
     system, p = tumbling_target(12), scenario.flat_parameters()
     start = np.array(system.initial(p)).ravel()
     solution = solve_ivp(
-        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, 600), start, "DOP853", time,
+        oracles.slope_of(system.rhs, len(start), np.zeros(6), p), (0, 600), start, "DOP853", time,
         rtol=1e-13, atol=1e-14,
     )  # fmt: skip
     error = oracles.angle_between(solution.y[:4].T, oracles.torque_free_attitude(scenario, time))
@@ -183,7 +181,7 @@ def test_libration_under_the_gravity_gradient():
     time = np.linspace(0, orbit.period, 61)
     start = np.array(system.initial(p)).ravel()
     solution = solve_ivp(
-        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, time[-1]), start, "DOP853", time,
+        oracles.slope_of(system.rhs, len(start), np.zeros(6), p), (0, time[-1]), start, "DOP853", time,
         rtol=1e-12, atol=1e-14,
     )  # fmt: skip
     R_I_L = R_I_L0 * Rotation.from_euler("z", (n * time)[:, None])

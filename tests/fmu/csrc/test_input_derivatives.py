@@ -130,10 +130,7 @@ def test_ramps_of_all_inputs_against_scipy(load, small, small_fmu, tmp_path, wor
         rate = np.concatenate([1e-4 * rng.normal(size=3), 0.05 * rng.normal(size=3)])
         unit.ramp(ACCELERATION + TORQUE, u.tolist(), rate.tolist())
         unit.step(size)
-
-        def rates(t, x, u=u, rate=rate):
-            return np.array(system.rhs(x, u + rate * t, p)).ravel()
-
+        rates = oracles.slope_of(system.rhs, len(x), lambda t, u=u, rate=rate: u + rate * t, p)
         x = solve_ivp(rates, (0.0, size), x, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     found = np.array(unit.fmu.getReal([r for name, r in unit.references.items() if name.startswith("state.")]))
     assert len(found) == len(x)

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from baryscope.fmu import Session
 from baryscope.fmu.units.series import series_source
 from baryscope.models.target import PLACE_START
+from oracles import slope_of
 
 X, C = ca.SX.sym("x", 3), ca.SX.sym("c", 2)
 
@@ -78,11 +79,7 @@ def test_the_attitude_under_the_gravity_gradient(envisat, envisat_fmu, rate, ecc
     p = np.concatenate([np.ravel(values[v.name]) for v in system.variables if v.kind == "parameter"])
     x = np.array(system.initial(p)).ravel()
     duration = 2000.0
-    u, p = ca.DM.zeros(6), ca.DM(p)  # converted once
-
-    def rates(_, x):
-        return np.array(system.rhs(x, u, p)).ravel()
-
+    rates = slope_of(system.rhs, len(x), np.zeros(6), p)
     expected = solve_ivp(rates, (0, duration), x, "DOP853", rtol=1e-12, atol=1e-15).y[:PLACE_START, -1]
     with Session(envisat_fmu, values) as session:
         session.step(duration)
