@@ -12,6 +12,8 @@ import pytest
 from baryscope import __version__
 from baryscope.models.scenario import preset_names
 from baryscope.scripts.cli import app, console
+from baryscope.study.campaign import run_one
+from baryscope.study.campaign.engines import LocalEngine
 from baryscope.study.images.scene import rig_text, write_images
 from joints import both_bodies
 from malformed import GOOD_SCENARIO
@@ -60,10 +62,13 @@ def test_every_command_is_tested():
 
 @pytest.fixture(scope="module")
 def documents(folder):
-    """What each command gives with --json --quiet: a document, and its standard error."""
+    """What each command gives with --json --quiet: a document, and its standard error. The campaign is carried out
+    here: a worker takes longer to start.
+    """
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(LocalEngine, "carry_out", lambda _, cases: (run_one(case) for case in cases))
         for command, arguments in ARGUMENTS.items():
             out, err = io.StringIO(), io.StringIO()
             with redirect_stdout(out), redirect_stderr(err):
