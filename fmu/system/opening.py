@@ -12,7 +12,7 @@ import fmpy
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.ssp.ssd import Component, read_ssd
 
-from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.layout.archive import UNUSED, unpack
 from baryscope.fmu.layout.measures import Measure, measures_of
 from baryscope.fmu.layout.whole import refuse_cut_unit
 from baryscope.fmu.runtime.instance import UnitError
@@ -158,7 +158,7 @@ def _opened(path: Path, folder: Path, component: Component, bound: Mapping[str, 
         raise InputError(f"{path}: {component.name} is of {component.source}, expected a file in the archive")
     place.mkdir()
     source = f"{path}: {component.source}"
-    unpack(where, place, EXPECTED, source)
+    unpack(where, place, EXPECTED, source, UNUSED)
     try:
         description = fmpy.read_model_description(str(place), validate=False)
     except Exception as error:  # fmpy raises bare Exceptions
