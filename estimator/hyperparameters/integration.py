@@ -84,8 +84,8 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     covariances would be claimed in either case, and an error that one of them explains is beyond it too often: so the
     covariance for given hyperparameters is that of their CLAIMED quantile.
 
-    What vanishes is nothing as likely as not. Both have their weight in the mean. Of either covariance there is as much
-    as leaves no more errors outside of the region of 1 - BEYOND.
+    What vanishes is nothing as likely as not. Both have their weight in the mean; the share of either in the covariance
+    is that of `_claimed_share`.
 
     θ is that of a prior which holds what is not typical for nearly impossible, as a search needs that is not to follow
     outliers. Where the observations tell it all the same, the claim must not be too small by that: here it is tolerant.
@@ -165,9 +165,8 @@ def _without(
 
 
 def _claimed_share(probability: float) -> float:
-    """The share, in the covariance of two explanations, of one of a probability whose errors are by far the greater.
-
-    Three coordinates are outside of the region of 1 - BEYOND, by χ² of the claim, as improbably as BEYOND.
+    """The share, in the covariance of two explanations, of the one whose errors are by far the greater, by its
+    probability: with it, errors of three coordinates are outside of the region of 1 - BEYOND as often as BEYOND.
     """
     return float(chdtri(3, min(BEYOND / max(probability, BEYOND), 1.0)) / chdtri(3, BEYOND))
 
@@ -269,7 +268,7 @@ class _Mixture:
         return cls(mean, within, (weight[:, None] * apart).T @ apart)
 
     def or_else(self, other: "_Mixture", probability: float, claimed: float) -> "_Mixture":
-        """This mixture or another one, of a probability; claimed: this one's share in the covariance about the mean."""
+        """This mixture or another one, of which there is a probability; claimed: this one's share in the covariance."""
         apart = np.outer(other.mean - self.mean, other.mean - self.mean)
         own, others = self.between + probability**2 * apart, other.between + (1 - probability) ** 2 * apart
         return _Mixture(
