@@ -33,7 +33,11 @@ def answer(function: Callable[..., Any], connection: Connection) -> None:
             arguments = connection.recv()
         except EOFError:
             return
-        connection.send(function(*arguments))
+        found = function(*arguments)
+        try:
+            connection.send(found)
+        except BrokenPipeError:  # who asked has been killed
+            return
 
 
 def _done(function: Callable[[Any], Any], task: Any) -> Any:

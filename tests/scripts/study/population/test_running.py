@@ -1,9 +1,11 @@
 """Worker processes with a limit of time, and files of results that survive an interruption."""
 
+import multiprocessing
 import os
 import time
 
 from baryscope.study.population.running import append, lines_of, run
+from baryscope.worker import answer
 
 
 def test_results_come_with_their_tasks():
@@ -28,3 +30,10 @@ def test_an_incomplete_line_is_left_out_and_overwritten(tmp_path):
     assert lines_of(path) == [{"a": 1}]
     append(path, {"a": 3})
     assert lines_of(path) == [{"a": 1}, {"a": 3}]
+
+
+def test_a_worker_whose_asker_is_killed_leaves_in_silence():
+    """While it was at work: it wrote a traceback to the terminal."""
+    asker, worker = multiprocessing.Pipe()
+    asker.send(())
+    assert answer(asker.close, worker) is None
