@@ -59,11 +59,14 @@ def untold_push(orbit: Orbit) -> float:
     return UNTOLD_LIGHT + min(drag, MOST_PUSH)
 
 
+def may_be_pushed(path: ProcessNoisePath, options: PathOptions) -> bool:
+    """Whether a push may act beside a path: none is told or found, nor process noise given, which stands for all."""
+    return options.constant_acceleration == "none" and path.density is None and unknown_push_in(path) is None
+
+
 def untold_push_beside(path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> ForcedPath | None:
-    """A path's base with a constant push of the size that is likely where nobody tells one; None where one is told or
-    found, or process noise is given, which stands for all that acts.
-    """
-    if options.constant_acceleration != "none" or path.density is not None or unknown_push_in(path) is not None:
+    """A path's base with a constant push of the size that is likely where nobody tells one; None where none may act."""
+    if not may_be_pushed(path, options):
         return None
     pushed = constant_of("lvlh", orbit, path.begin, path.end)
     push = replace(pushed, deviations=np.full(len(pushed.names), untold_push(orbit)))

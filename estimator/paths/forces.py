@@ -85,11 +85,16 @@ class ForcedPath(ExtendedPath):
 
     @cached_property
     def prior(self) -> Prior:
-        """The prior of the base, and that of the factors."""
+        """The prior of the base, and that of the force's unknowns."""
+        return self.base.prior.joined(self.own_prior)
+
+    @cached_property
+    def own_prior(self) -> Prior:
+        """The prior of the force's unknowns."""
         own = Prior.known((self.force.deviations * self._displacement) ** 2)
-        if self.force.scale is not None:
-            own = Prior(own.offset, np.ones((len(own.offset), 1)), (self.force.scale,))
-        return self.base.prior.joined(own)
+        if self.force.scale is None:
+            return own
+        return Prior(own.offset, np.ones((len(own.offset), 1)), (self.force.scale,))
 
     @property
     def frequency(self) -> float:

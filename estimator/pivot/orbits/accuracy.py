@@ -155,8 +155,8 @@ class _Beside:
     def of(cls, found: PivotSolution, path: ProcessNoisePath, force: Force) -> "_Beside":
         """The force beside a solution on a path."""
         forced = ForcedPath(path.base, force, path.begin, path.end)
-        further = FurtherUnknowns.of(found, lambda rows: forced.at(found.time[rows]).jacobian[:, :, path.base.size :])
-        return cls(found, path.prior, further, force, np.exp(forced.prior.offset[path.base.size :]))
+        further = FurtherUnknowns.of(found, lambda rows: forced.columns(found.time[rows]))
+        return cls(found, path.prior, further, force, np.exp(forced.own_prior.offset))
 
     def of_share(self, share: Share) -> "_Beside":
         """A share of the force's deviations."""

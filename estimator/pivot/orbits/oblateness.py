@@ -128,7 +128,7 @@ class _ScoreTest:
             return cls(0.0, 0.0)
         prior = found.path.prior
         if push is not None:
-            prior = prior.joined(push.prior.of(np.arange(push.base.size, push.size)))
+            prior = prior.joined(push.own_prior)
 
         def columns(rows: IntArray) -> FloatArray:
             pushed = [] if push is None else [push.columns(found.time[rows])]

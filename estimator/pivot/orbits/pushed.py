@@ -18,7 +18,7 @@ from baryscope.estimator.hyperparameters.evidence import (
 )
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.estimated import acting_orbit
-from baryscope.estimator.orbits.push import PUSH, UnknownPushPath, unknown_push_in, untold_push_beside, with_any_push
+from baryscope.estimator.orbits.push import PUSH, UnknownPushPath, may_be_pushed, unknown_push_in, with_any_push
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
@@ -47,7 +47,7 @@ def with_push(
     path, acting, none = found.path, acting_orbit(orbit, found.path), (found, start)
     if acting is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return none
-    if untold_push_beside(path, acting, options) is None:
+    if not may_be_pushed(path, options):
         return none
     pushes = with_any_push(path.base, acting, path.begin, path.end)
     noisy, price = found.has(DENSITY), 2 * float(np.log(len(pushes)))
@@ -88,7 +88,7 @@ def _likeliest(
         if _most(_with_only(further, own, index[: push.constants]), prior, push.constants) < least:
             gains.append(-np.inf)
             continue
-        linear, wider = _with_only(further, own, index), prior.joined(push.prior.of(np.arange(first, push.size)))
+        linear, wider = _with_only(further, own, index), prior.joined(push.own_prior)
         gains.append(-cost(linear, wider, maximise(linear, wider)))
     if np.isfinite(gains).any():
         gains = [gain + cost(alone, prior, maximise(alone, prior)) for gain in gains]
