@@ -22,7 +22,8 @@ class DoubtfulPath(ExtendedPath):
     """A path on which a force may act that its estimate leaves out: it has no unknowns of its own.
 
     The force's c unknowns are those of a `ForcedPath` over begin … end, s. square (c, c): the mean of their products
-    for what the tracks tell of them, m²; follows (p, c): what the unknowns of the whole path take on of them.
+    for what the tracks tell of them, m²; follows (p, c): what the unknowns of the whole path take on of them, of which
+    the last, modes of process noise, may be more or fewer than on the path that is asked.
     """
 
     force: Force
@@ -43,8 +44,9 @@ class DoubtfulPath(ExtendedPath):
         """The covariance (n, 6, 6) of position and velocity at times (n,) in s, of a path that this is a part of."""
         forced, size = ForcedPath(self.base, self.force, self.begin, self.end), self.base.size
         own = [forced.at(time).jacobian[:, :, size:], forced.rate_at(time).jacobian[:, :, size:]]
-        followed = [sampled.jacobian[:, :, : len(self.follows)] for sampled in (path.at(time), path.rate_at(time))]
-        columns = np.concatenate(own, axis=1) + np.concatenate(followed, axis=1) @ self.follows
+        shared = min(len(self.follows), path.size)
+        followed = [sampled.jacobian[:, :, :shared] for sampled in (path.at(time), path.rate_at(time))]
+        columns = np.concatenate(own, axis=1) + np.concatenate(followed, axis=1) @ self.follows[:shared]
         return np.asarray(columns @ self.square @ np.swapaxes(columns, 1, 2))
 
 
