@@ -88,10 +88,13 @@ def judged(seed: int, index: int, method: str, orbit: bool, population: str = FI
         return line | {"skipped": "no orbit"}
     with measured(line):
         found = tried(case, sample, method, orbit)
+    if ahead and isinstance(found, Estimate) and found.predictor is not None:
+        try:
+            line["predicted"] = predicted(found, asked(seed, index, population))
+        except Exception as error:
+            found = crash(method, error)
     if isinstance(found, Estimate):
         line |= of_estimate(found, case.path)
-        if ahead and found.predictor is not None:
-            line["predicted"] = predicted(found, asked(seed, index, population))
     else:
         line |= {"failure": found.reason, "message": found.message}
     return line | facts
@@ -119,7 +122,12 @@ def tried(case: Drawn, sample: Sample, method: str, orbit: bool) -> Estimate | F
     except InputError as error:
         return Failure(method, Reason.OTHER, str(error))  # of tracks that are no input, with what was expected
     except Exception as error:
-        return Failure(method, Reason.OTHER, f"{CRASHED} {type(error).__name__}: {error}")
+        return crash(method, error)
+
+
+def crash(method: str, error: Exception) -> Failure:
+    """The failure of a method by an error that is no reasoned refusal."""
+    return Failure(method, Reason.OTHER, f"{CRASHED} {type(error).__name__}: {error}")
 
 
 def of_estimate(found: Estimate, truth: FloatArray) -> Line:

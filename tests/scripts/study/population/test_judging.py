@@ -1,5 +1,7 @@
 """How an estimate of a case is judged."""
 
+import pytest
+
 import baryscope.study.population.judging as judging
 from baryscope.study.population.judging import judged
 from baryscope.study.population.report import failing
@@ -13,11 +15,12 @@ def test_tracks_that_are_no_input_are_refused():
     assert fault.startswith("refused ")
 
 
-def test_what_is_no_reasoned_refusal_is_a_crash(monkeypatch):
+@pytest.mark.parametrize("what, case", [("attempt", (92, 13)), ("predicted", (5, 10))])
+def test_what_is_no_reasoned_refusal_is_a_crash(what, case, monkeypatch):
     def broken(*_args, **_options):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(judging, "attempt", broken)
-    (fault,) = failing([judged(92, 13, "pivot", False)])
+    monkeypatch.setattr(judging, what, broken)
+    (fault,) = failing([judged(*case, "pivot", True, ahead=True)])
     assert fault.startswith("crashed ")
     assert "division by zero" in fault
