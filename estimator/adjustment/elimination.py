@@ -6,8 +6,8 @@ sum s of the weights, of τ with a point w (1 − Q [b]×), and of two points �
 w A (1 − Q [b]×), with A the attitude, and of w w' H suffice, without the points' blocks in each frame.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,15 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.geometry.indices import as_slice
+from baryscope.estimator.geometry.indices import IntArray, as_slice, block_of
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import FULL, elements_of, inverted_sums, symmetric_inverses
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
+
+SPARSE = 0.75  # share of a body's features, of which fewer that are seen are taken alone
 
 
 @dataclass(eq=False)
@@ -50,6 +52,20 @@ class ReducedEquations:
         return cls(
             np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
         )
+
+    def add(self, other: "ReducedEquations", features: IntArray) -> None:
+        """Add the equations of the same path from other frames, in which k features of the body are seen, by index."""
+        columns = (3 * features[:, None] + np.arange(3)).ravel()
+        own = as_slice(columns)
+        self.path += other.path
+        self.path_points[:, own] += other.path_points
+        self.points[block_of(columns, columns)] += other.points
+        self.path_sizes += other.path_sizes
+        self.points_sizes[own] += other.points_sizes
+        self.path_rhs += other.path_rhs
+        self.points_rhs[own] += other.points_rhs
+        self.noise_cost += other.noise_cost
+        self.noise_volume += other.noise_volume
 
     def know(self, information: FloatArray, by_points: FloatArray, offset: FloatArray) -> None:
         """Add a prior of mean zero on a function of the points, an offset (3,) with the Jacobian A (3, 3 m).
@@ -82,54 +98,56 @@ class AllFrames:
     shifts: FrameShifts | None
 
 
+# The best attitudes (k, 3, 3), the equations and the weighted squares (k, m)
+Reduced: TypeAlias = tuple[FloatArray, ReducedEquations, FloatArray]
+
+
 def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
     """The body with the best attitudes for its points, its normal equations there, and the weighted squares (k, m).
 
     own: observations of its features in all frames.
     """
-    several = own.precision is not None or frames.shifts is not None
-    return _with_blocks(body, own, frames) if several else _with_weights(body, own, frames)
+    reduced = _with_weights if own.precision is None and frames.shifts is None else _with_blocks
+    n, m = len(body.frames), len(body.features)
+    attitude, squares = np.empty_like(body.attitude), np.zeros((n, m))
+    total = ReducedEquations.zero(frames.path.size, 3 * m)
+    size = max(64, CHUNK_SIZE // (9 * m))
+    for first in range(0, n, size):
+        part = slice(first, first + size)
+        some, features = body.in_frames(part), np.arange(m)
+        here = own.frames(some.frames)
+        seen = np.any(here.weight > 0, axis=0)
+        if seen.sum() < SPARSE * m:  # under new names whenever they come back, few of many are seen at a time
+            features = np.flatnonzero(seen)
+            some, here = some.of_features(seen), here.features(features)
+        attitude[part], found, squares[part, as_slice(features)] = reduced(some, here, frames)
+        total.add(found, features)
+    return replace(body, attitude=attitude), total, squares
 
 
-def chunks_of(body: Body) -> Iterator[slice]:
-    """Slices of a body's frames whose arrays fit the cache."""
-    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
-    return (slice(first, first + size) for first in range(0, len(body.frames), size))
-
-
-def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
+def _with_weights(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     """The elimination for observations of the same weight along all axes, without shifts."""
-    path, m = frames.path, len(body.features)
-    arms = cross_matrices(body.points)
-    attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
-    total = ReducedEquations.zero(path.size, 3 * m)
-    weights, pairs, by_path = np.zeros(m), np.zeros((m, m, 6)), np.zeros((m, path.size, 3))
-    for part in chunks_of(body):
-        index = as_slice(body.frames[part])
-        here, origin = own.frames(index), frames.origin[index]
-        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
-        # With the frames last in memory, as the blocks have them.
-        w, R = np.asfortranarray(here.weight), np.asfortranarray(R_C_B)
-        inverse, back = symmetric_inverses(found.turn), np.einsum("kij,klj->kil", R, found.turn_shift)
-        gain = np.einsum("kij,kjl->kil", back, inverse)
-        left = found.shift - np.einsum("kij,klj->kil", gain, back)
-        rhs = np.einsum("kij,kj->ki", R, found.shift_rhs) - np.einsum("kij,kj->ki", gain, found.turn_rhs)
-        of_path, sizes = path.gram_and_diagonal(index, left, found.shift)
-        total.path += of_path
-        total.path_sizes += sizes
-        total.path_rhs += path.moment(index, rhs[:, :, None])[:, 0]
-        by_path += path.moment(index, _coupling(w, R, gain, arms))
-        across = w.T
-        pairs += across @ (across[:, :, None] * elements_of(inverse))
-        turned = across @ np.einsum("kij,kj->ki", inverse, found.turn_rhs)
-        total.points_rhs += (found.point_rhs + (arms @ turned[:, :, None])[:, :, 0]).ravel()
-        weights += w.sum(axis=0)
-        attitudes[part], all_squares[part] = R_C_B, found.squares
-    total.points_sizes = np.repeat(weights, 3)
+    path, m, index = frames.path, len(body.features), as_slice(body.frames)
+    arms, total = cross_matrices(body.points), ReducedEquations.zero(path.size, 3 * m)
+    attitude, found = at_best_attitudes(own, body.attitude, frames.origin[index], body.points)
+    # With the frames last in memory, as the blocks have them.
+    w, R = np.asfortranarray(own.weight), np.asfortranarray(attitude)
+    inverse, back = symmetric_inverses(found.turn), np.einsum("kij,klj->kil", R, found.turn_shift)
+    gain = np.einsum("kij,kjl->kil", back, inverse)
+    left = found.shift - np.einsum("kij,klj->kil", gain, back)
+    rhs = np.einsum("kij,kj->ki", R, found.shift_rhs) - np.einsum("kij,kj->ki", gain, found.turn_rhs)
+    total.path, total.path_sizes = path.gram_and_diagonal(index, left, found.shift)
+    total.path_rhs = path.moment(index, rhs[:, :, None])[:, 0]
+    by_path = path.moment(index, _coupling(w, R, gain, arms))
+    total.path_points = np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m)
+    across = w.T
+    pairs = across @ (across[:, :, None] * elements_of(inverse))
+    turned = across @ np.einsum("kij,kj->ki", inverse, found.turn_rhs)
+    total.points_rhs = (found.point_rhs + (arms @ turned[:, :, None])[:, :, 0]).ravel()
+    total.points_sizes = np.repeat(w.sum(axis=0), 3)
     of_pairs = np.swapaxes(arms, 1, 2)[:, None] @ pairs[:, :, FULL] @ arms
     total.points = np.diag(total.points_sizes) - of_pairs.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
-    total.path_points = np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m)
-    return replace(body, attitude=attitudes), total, all_squares
+    return attitude, total, found.squares
 
 
 def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: FloatArray) -> FloatArray:
@@ -142,51 +160,43 @@ def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: 
     return np.asarray(coupling.transpose(0, 3, 1, 2))
 
 
-def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
+def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     """The elimination for observations with precisions, or frames with shifts: these by Woodbury's formula."""
-    path, m = frames.path, len(body.features)
-    attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
-    total = ReducedEquations.zero(path.size, 3 * m)
-    for part in chunks_of(body):
-        index = as_slice(body.frames[part])
-        here, origin = own.frames(index), frames.origin[index]
-        shifts = shifts_in(frames.shifts, index)
-        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points, shifts)
-        total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
-        total.points_rhs += found.point_rhs.ravel()
-        total.points += block_diag(*found.point)
-        # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
-        coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
-        inverse = symmetric_inverses(found.turn)
-        solved = np.einsum("kij,qjk->qik", inverse, coupling)
-        total.eliminate(coupling, solved)
-        rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
-        rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
-        squares = found.squares
-        if shifts is not None:
-            known, rhs = rows[:3].transpose(2, 1, 0), rows[-1].T
-            gained = np.einsum("kij,qjk->qik", inverted_sums(shifts.among_all(R_C_B), known), rows)
-            total.eliminate(rows, gained)
-            covariance = shifts.in_body(R_C_B)
-            total.noise_volume += float(np.linalg.slogdet(np.eye(3) + covariance @ known)[1].sum())
-            moved = np.einsum("kij,kj->ki", inverted_sums(covariance, known), rhs)
-            cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
-            total.noise_cost += max(cost, 0.0)  # squares, if it were not for rounding
-            turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
-            there = origin + np.einsum("kij,kj->ki", R_C_B, moved)
-            squares = normal_blocks(here, R_C_B @ exp_rotation(turned), there, body.points).squares
-            rows = rows - np.einsum("kij,qjk->qik", known, gained)
-        rows = np.einsum("kij,qjk->qik", np.asfortranarray(R_C_B), rows)
-        R_B_C = np.swapaxes(R_C_B, 1, 2)
-        left = rows[:3].transpose(2, 1, 0) @ R_B_C
-        of_path, sizes = path.gram_and_diagonal(index, left, R_C_B @ found.shift @ R_B_C)
-        total.path += of_path
-        total.path_sizes += sizes
-        moments = path.moment(index, rows[3:].transpose(2, 1, 0))
-        total.path_points += moments[:, :-1]
-        total.path_rhs += moments[:, -1]
-        attitudes[part], all_squares[part] = R_C_B, squares
-    return replace(body, attitude=attitudes), total, all_squares
+    path, index = frames.path, as_slice(body.frames)
+    origin, shifts = frames.origin[index], shifts_in(frames.shifts, index)
+    total = ReducedEquations.zero(path.size, 3 * len(body.features))
+    attitude, found = at_best_attitudes(own, body.attitude, origin, body.points, shifts)
+    total.points_sizes = np.diagonal(found.point, axis1=1, axis2=2).ravel()
+    total.points_rhs = found.point_rhs.ravel()
+    total.points = block_diag(*found.point)
+    # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
+    coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
+    inverse = symmetric_inverses(found.turn)
+    solved = np.einsum("kij,qjk->qik", inverse, coupling)
+    total.eliminate(coupling, solved)
+    rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
+    rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
+    squares = found.squares
+    if shifts is not None:
+        known, rhs = rows[:3].transpose(2, 1, 0), rows[-1].T
+        gained = np.einsum("kij,qjk->qik", inverted_sums(shifts.among_all(attitude), known), rows)
+        total.eliminate(rows, gained)
+        covariance = shifts.in_body(attitude)
+        total.noise_volume = float(np.linalg.slogdet(np.eye(3) + covariance @ known)[1].sum())
+        moved = np.einsum("kij,kj->ki", inverted_sums(covariance, known), rhs)
+        cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
+        total.noise_cost = max(cost, 0.0)  # squares, if it were not for rounding
+        turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
+        there = origin + np.einsum("kij,kj->ki", attitude, moved)
+        squares = normal_blocks(own, attitude @ exp_rotation(turned), there, body.points).squares
+        rows = rows - np.einsum("kij,qjk->qik", known, gained)
+    rows = np.einsum("kij,qjk->qik", np.asfortranarray(attitude), rows)
+    R_B_C = np.swapaxes(attitude, 1, 2)
+    left = rows[:3].transpose(2, 1, 0) @ R_B_C
+    total.path, total.path_sizes = path.gram_and_diagonal(index, left, attitude @ found.shift @ R_B_C)
+    moments = path.moment(index, rows[3:].transpose(2, 1, 0))
+    total.path_points, total.path_rhs = moments[:, :-1], moments[:, -1]
+    return attitude, total, squares
 
 
 def _rows(by_shift: FloatArray, by_points: FloatArray, rhs: FloatArray) -> FloatArray:

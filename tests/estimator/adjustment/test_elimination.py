@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
+from baryscope.estimator.adjustment import elimination
+from baryscope.estimator.adjustment.elimination import AllFrames, ReducedEquations, eliminated
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.paths.path import Polynomial
@@ -33,6 +34,37 @@ def test_both_ways_give_the_same_sums(shifted):
     for name, found in vars(simple[1]).items():
         expected = getattr(general[1], name)
         np.testing.assert_allclose(found, expected, atol=1e-11 * max(np.abs(expected).max(), 1.0), err_msg=name)
+
+
+@pytest.mark.parametrize("kind", ["weights", "precisions", "shifts"])
+def test_features_that_come_one_group_after_the_other_are_eliminated_each_by_itself(kind, monkeypatch):
+    """Two bodies of five features, of which one is seen in the first hundred frames and the other after them: as one
+    body of ten, chunk by chunk of 64 frames, of which the second sees all.
+    """
+    monkeypatch.setattr(elimination, "CHUNK_SIZE", 1)
+    n, rng = 180, np.random.default_rng(3)
+    first = np.arange(n) < 100
+    points, attitude = rng.normal(size=(2 * M, 3)), Rotation.random(n, random_state=1).as_matrix()
+    path = Polynomial(2, 0.0, 1.0).at(np.linspace(0.0, 1.0, n))
+    origin = path.position(rng.normal(size=9))
+    position = origin[:, None] + points @ np.swapaxes(attitude, 1, 2) + 0.05 * rng.normal(size=(n, 2 * M, 3))
+    weight = np.where(first[:, None] == (np.arange(2 * M) < M), rng.uniform(0.5, 2.0, (n, 2 * M)), 0.0)
+    root = np.eye(3) + 0.2 * rng.normal(size=(n, 2 * M, 3, 3))
+    observations = Observations(position, weight, root @ np.swapaxes(root, 2, 3) if kind == "precisions" else None)
+    shifts = FrameShifts(np.broadcast_to(1e-3 * np.eye(3), (n, 3, 3))) if kind == "shifts" else None
+    frames = AllFrames(path, origin, shifts)
+    whole, sums, squares = eliminated(Body(np.arange(2 * M), np.arange(n), points, attitude), observations, frames)
+    expected = ReducedEquations.zero(path.size, 6 * M)
+    for half, features in ((first, np.arange(M)), (~first, np.arange(M, 2 * M))):
+        own = np.flatnonzero(half)
+        body = Body(features, own, points[features], attitude[own])
+        found, part, part_squares = eliminated(body, observations.features(features), frames)
+        np.testing.assert_allclose(whole.attitude[own], found.attitude, atol=1e-12)
+        np.testing.assert_allclose(squares[np.ix_(own, features)], part_squares, atol=1e-11)
+        expected.add(part, features)
+    assert not squares[weight == 0].any()
+    for name, found in vars(sums).items():
+        np.testing.assert_allclose(found, getattr(expected, name), atol=1e-10 * np.abs(found).max(), err_msg=name)
 
 
 def test_movements_of_frames_cost_nothing_where_they_explain_all():
