@@ -31,9 +31,11 @@ def standing_first(seed, still=0.8, skin=SKIN):
 
 @pytest.mark.parametrize(("skin", "still"), [(0.001, 0.8), (0.003, 0.8), (0.003, 0.5)])
 def test_skin_that_slides_after_rest_is_no_outlier(skin, still):
-    """With one noise for all frames the normalised squared error was 50 to 200, of 3, with the status good."""
+    """With one noise for all frames the normalised squared error was 50 to 200, of 3, with the status good. The bound
+    is 2.7 deviations √(6/2) of the mean of two.
+    """
     squares = []
-    for seed in range(5):
+    for seed in range(2):
         found = estimate(standing_first(seed, still, skin), options=FIXED)
         assert found.status is Status.GOOD
         assert found.rejected_share < 0.01
@@ -43,7 +45,7 @@ def test_skin_that_slides_after_rest_is_no_outlier(skin, still):
         assert not found.noise.relative
         error = found.position[0] - CENTRE
         squares.append(error @ np.linalg.solve(found.covariance[0], error))
-    assert np.mean(squares) < 6
+    assert np.mean(squares) < 3 + 2.7 * np.sqrt(6 / 2)
 
 
 def few_frames(seed, louder=4.0):
