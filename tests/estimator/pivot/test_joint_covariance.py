@@ -79,10 +79,10 @@ def test_an_attitude_that_rests_on_a_rejected_observation_tells_nothing():
     assert not wrong(of_estimate(found, case.path))
 
 
-@pytest.mark.parametrize(("seed", "index", "given"), [(123, 5, False), (123, 5, True), (128, 23, False)])
+@pytest.mark.parametrize(("seed", "index", "given"), [(123, 5, True), (128, 23, False)])
 def test_features_nearly_in_a_line_tell_nothing_where_they_do_not_tell_all(seed, index, given):
-    """The centre of mass is 1 to 6 m beside the line, and found on it: the claim had a NEES of 559 and 745, without an
-    orbit.
+    """The centre of mass is 1 to 6 m beside the line, and found on it: without an orbit the claims had a NEES of 559
+    and 745.
     """
     case = drawn(seed, index)
     options = PathOptions(sigma=case.sensor.noise if case.sensor.told else None)
