@@ -114,8 +114,7 @@ def test_a_few_attitudes_that_are_far_off_tell_nothing():
         assert not wrong(of_estimate(found, case.path))
 
 
-@pytest.mark.parametrize("seed", [0, 2])
-def test_noise_that_features_share_does_not_tell_the_place_along_a_spins_axis(seed):
+def test_noise_that_features_share_does_not_tell_the_place_along_a_spins_axis():
     """Each frame is shifted by 5 mm, as by a camera that shakes. Attitudes that took the shifts for turns led the
     centre of mass more than a metre along the axis from the features, to a longer lever.
     """
@@ -124,8 +123,8 @@ def test_noise_that_features_share_does_not_tell_the_place_along_a_spins_axis(se
     R = (Rotation.from_rotvec([0.3, 0.5, 0.1]) * spin).as_matrix()
     orbit = Orbit().model()
     com = RelativeOrbit(orbit, 600.0).at(time).position(np.array([3.0, -12.0, 2.0, 0.0, -6.0, 2.0]))
-    tracks = make_case(time, R, com, box_features(15, (0.6, 0.6, 0.6), 1), noise=0.02, seed=seed).tracks
-    shift = 5e-3 * np.random.default_rng(100 + seed).standard_normal((len(time), 1, 3))
+    tracks = make_case(time, R, com, box_features(15, (0.6, 0.6, 0.6), 1), noise=0.02).tracks
+    shift = 5e-3 * np.random.default_rng(100).standard_normal((len(time), 1, 3))
     found = estimate(FeatureTracks(time, tracks.position + shift, tracks.labels))
     assert found.status is Status.NOT_OBSERVABLE
     error, covariance = found.position[600] - com[600], found.covariance[600]
