@@ -17,7 +17,8 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.dynamics.torque import LastingTorque
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
@@ -227,7 +228,16 @@ class PredictedBody:
         by_u = np.concatenate([block_diag(by_motion, np.eye(len(x))), -by_unknowns])
         covariance = by_u @ self.covariance @ by_u.T
         covariance[-3:, -3:] += own
-        return TurningPoint(start, changed, b, covariance, self.torque_density)
+        return TurningPoint(start, changed, b, covariance, self.torque_density, self._lasting_torque())
+
+    def _lasting_torque(self) -> LastingTorque | None:
+        """The torque that goes on before and after the tracks, if they show one: by its mode without a wave."""
+        torque = self.rotation.torque
+        if torque is None or torque.orders[0] != 0:
+            return None
+        duration, own = torque.end - torque.begin, slice(RATE_AND_INERTIA, RATE_AND_INERTIA + 3)
+        change = np.sqrt(duration) * torque.coefficients[0]
+        return LastingTorque.of(change, duration * self.covariance[own, own], self.torque_density, duration)
 
     def _away(self, there: TurningPoint, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6), and their covariance (n, 6, 6), on one side of the tracks."""

@@ -8,7 +8,7 @@ covariance at that end are exactly those of the posterior, so that to first orde
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.growth import rotation_growth
 from baryscope.estimator.dynamics.many_bodies import motions
-from baryscope.estimator.dynamics.rotation import Rotation, diverged
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation, diverged
+from baryscope.estimator.dynamics.torque import LastingTorque, Torque
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.models.errors import ComputationError, Reason
 
@@ -78,7 +79,7 @@ class TurningPoint:
 
     rotation: with that time as its epoch, under no torque but gravity's; changed: see `Changed`; b (3,) in B, m;
     covariance (v, v) of attitude, rate and inertia, as `changed` takes them, of v − 14 unknowns of the path, and of b;
-    torque_density: of white noise from there on, rad²/s³.
+    torque_density: of white noise from there on, rad²/s³; lasting: a torque that goes on there.
     """
 
     rotation: Rotation
@@ -86,6 +87,7 @@ class TurningPoint:
     b: FloatArray
     covariance: FloatArray
     torque_density: float
+    lasting: LastingTorque | None = None
 
     def away(self, time: FloatArray, state: FloatArray, by_path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) of the point in C, and their covariance (n, 6, 6), at times (n,) on one side.
@@ -118,7 +120,22 @@ class TurningPoint:
         covariance = np.einsum("kni,knj->nij", off, off, optimize=True) / len(members)
         covariance += by_rest @ rest @ np.swapaxes(by_rest, 1, 2) + by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
         shift, arc = curved(motion.attitude, motion.rate, self.b, turned[:, :3, :3])
-        return state + mean + shift, covariance + arc
+        moved, by_torque = self._by_torque(motion, time)
+        return state + mean + shift + moved, covariance + arc + by_torque
+
+    def _by_torque(self, free: Attitudes, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the torque that lasts changes: position and velocity (n, 6) in C, and the covariance (n, 6, 6)."""
+        if self.lasting is None or not len(time):
+            return np.zeros((len(time), 6)), np.zeros((len(time), 6, 6))
+        epoch = self.rotation.epoch
+        ends = min(epoch, float(time.min())), max(epoch, float(time.max()))
+        pushed = replace(self.rotation, torque=Torque.constant(self.lasting.mean, *ends)).at(time)
+        moved, by_motion, _ = carried(pushed.attitude, pushed.rate, self.b)
+        own = slice(RATE_AND_INERTIA, None)
+        response = np.concatenate([pushed.turn[:, :, own], pushed.rate_sensitivity[:, :, own]], axis=1)
+        by_torque = np.sqrt(ends[1] - ends[0]) * by_motion @ response
+        of_torque = by_torque @ self.lasting.covariance @ np.swapaxes(by_torque, 1, 2)
+        return moved - arm_of(free.attitude, free.rate, self.b), of_torque
 
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A root (11, k) of the motion's covariance, what the others (v - 11, k) do with it, and their rest."""

@@ -14,6 +14,7 @@ from baryscope.estimator.paths.polynomials import lagrange_weights
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+FADES = 0.5  # standard deviation of how much of a torque that lasts goes on, as a share of it
 POINTS = 4  # of a step, at which the torque is evaluated: Gauss and Legendre's; between them it is a cubic
 GAUSS = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2  # as fractions of the step
 
@@ -41,6 +42,11 @@ class Torque:
         coefficients = np.zeros((len(orders), 3))
         coefficients[np.searchsorted(orders, self.orders)] = self.coefficients
         return replace(self, coefficients=coefficients, orders=orders)
+
+    @classmethod
+    def constant(cls, acceleration: FloatArray, begin: float, end: float) -> "Torque":
+        """A torque that keeps its place in the body: acceleration (3,), rad/s²."""
+        return cls(begin, end, np.sqrt(end - begin) * acceleration[None], np.zeros(1, dtype=np.intp))
 
     @property
     def size(self) -> int:
@@ -74,6 +80,32 @@ class Torque:
         """The integral of its magnitude over time, rad/s: no rate changes by more."""
         time = np.linspace(self.begin, self.end, 8 * int(self.orders[-1]) + 9)
         return float(np.linalg.norm(self.at(time), axis=1).mean() * (self.end - self.begin))
+
+
+@dataclass(frozen=True, eq=False)
+class LastingTorque:
+    """What of a torque goes on beyond the tracks: the mean (3,) of an angular acceleration that stays in B, rad/s², and
+    its covariance (3, 3).
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, change: FloatArray, covariance: FloatArray, density: float, duration: float) -> "LastingTorque | None":
+        """The lasting part of a torque that has changed the rate by (3,) rad/s in B over a duration in s.
+
+        covariance (3, 3): of that change; density: of white noise, rad²/s³, which makes the mean acceleration as large
+        as √(density/duration). Of what is beyond that, as by eddy currents or by light, more or less goes on. None if
+        nothing is.
+        """
+        square = float(change @ change) / 3 / duration
+        if not square > density > 0:
+            return None
+        share = 1 - density / square
+        mean = share * change / duration
+        own = share**2 * covariance / duration**2 + share * density / duration * np.eye(3)
+        return cls(mean, own + FADES**2 * np.outer(mean, mean))
 
 
 def stage_weights(fraction: float) -> FloatArray:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.dynamics.torque import LastingTorque
 from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, STATE, TURN, moved, points_in
-from baryscope.estimator.ekf.motion import PathProcess, changed_inertia
+from baryscope.estimator.ekf.motion import PathProcess, changed_inertia, rotated
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import growth
 from baryscope.estimator.geometry.so3 import exp_rotation
@@ -121,7 +122,8 @@ class PredictedTumble:
             return Rotation(origin, start.attitude @ exp_rotation(turn), start.rate + rate, of_it, start.orbit)
 
         torque = float(found.probability @ [member.turn for member in found.members])
-        mean, covariance = TurningPoint(start, changed, b, joint, torque).away(time, state, by_path)
+        there = TurningPoint(start, changed, b, joint, torque, self._lasting_torque(torque))
+        mean, covariance = there.away(time, state, by_path)
         return mean, covariance + added
 
     def _lasting_variance(self, density: float) -> float:
@@ -135,6 +137,15 @@ class PredictedTumble:
         by_noise -= np.einsum("kij,kj->ki", at.path.transition, at.deviation[:-1])
         change = by_noise[amid, 3:].sum(axis=0) / at.path.span
         return lasting_variance(change, density, float(np.diff(time)[amid].sum()))
+
+    def _lasting_torque(self, density: float) -> LastingTorque | None:
+        """The torque that goes on before and after the tracks, if they show one beyond white noise of a density."""
+        at, time = self.found.reference, self.found.problem.start.nodes.time
+        if len(time) < 2:
+            return None
+        _, rate, _ = rotated(at.attitude[:-1], at.rate[:-1], at.inertia, at.axis, np.diff(time))
+        of_rate = self.found.solution.of_state[[0, -1], RATE, RATE].sum(axis=0)
+        return LastingTorque.of((at.rate[1:] - rate).sum(axis=0), of_rate, density, float(time[-1] - time[0]))
 
     def _joint(self, node: int, by_points: FloatArray) -> FloatArray:
         """The covariance of attitude, rate, inertia, the path's u and x, and a point by_points (3, 3 m), at a node."""

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.dynamics.torque import LastingTorque
 from baryscope.estimator.turning import TurningPoint, carried, curved, opposite_pairs
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError
@@ -33,10 +34,10 @@ def applied(matrices, vectors):
     return np.einsum("kij,kj->ki", matrices, vectors)
 
 
-def carried_by_scipy(changes, time):
+def carried_by_scipy(changes, time, push=0.0):
     """Positions and velocities (k, 6) of the points that free bodies carry after changes (k, 20), by Euler's equations.
 
-    All are integrated together, as what takes time is the number of steps.
+    All are integrated together, as what takes time is the number of steps. push (3,): an angular acceleration in B.
     """
     starts = [moved(*np.split(change[:11], [3, 6])) for change in changes]
     J, b = np.array([one.inertia for one in starts]), B + changes[:, 17:]
@@ -44,7 +45,8 @@ def carried_by_scipy(changes, time):
     def slope(_, y):
         R, w = y[: 9 * len(J)].reshape(-1, 3, 3), y[9 * len(J) :].reshape(-1, 3)
         turning = np.cross(R, w[:, None])  # R [w]×, row by row
-        return np.concatenate([turning.ravel(), np.linalg.solve(J, np.cross(applied(J, w), w)[..., None]).ravel()])
+        change = np.linalg.solve(J, np.cross(applied(J, w), w)[..., None])[..., 0] + push
+        return np.concatenate([turning.ravel(), change.ravel()])
 
     y = np.concatenate([np.array([one.attitude for one in starts]).ravel(), *(one.rate for one in starts)])
     end = solve_ivp(slope, (0, time), y, "DOP853", rtol=1e-8, atol=1e-10).y[:, -1]
@@ -95,6 +97,42 @@ def test_where_errors_are_small_the_first_order_is_all(covariance):
     expected = by_change @ small @ by_change.T
     size = np.sqrt(np.diag(expected))
     np.testing.assert_allclose((found[0] - expected) / np.outer(size, size), 0.0, atol=2e-4)
+
+
+@pytest.mark.parametrize("time", [-250.0, 250.0])
+def test_a_torque_that_lasts_carries_a_point_on(time, covariance):
+    """By hundredths of a radian: the mean against scipy's motion under it, the covariance against differences."""
+    push, step, of_push = np.array([4e-6, -3e-6, 2e-6]), 1e-8, 1e-14 * np.array([[4, 1, 0], [1, 3, 0], [0, 0, 2.0]])
+    known = moved(np.zeros(3), np.zeros(3), np.zeros(5)), moved, B, 1e-16 * covariance, 0.0
+    at, axes = (np.array([time]), np.zeros((1, 6)), PATH), step * np.eye(3)
+    (mean,), (found,) = TurningPoint(*known, LastingTorque(push, of_push)).away(*at)
+    expected, *ends = (carried_by_scipy(np.zeros((1, 20)), time, push + one)[0] for one in (0.0, *axes, *-axes))
+    (free,), _ = TurningPoint(*known).away(*at)
+    assert np.linalg.norm(free[:3] - expected[:3]) > 0.02
+    np.testing.assert_allclose(mean, expected, atol=1e-6)
+    by_push = (np.array(ends[:3]) - np.array(ends[3:])).T / (2 * step)
+    size = np.sqrt(np.diag(by_push @ of_push @ by_push.T))
+    np.testing.assert_allclose((found - by_push @ of_push @ by_push.T) / np.outer(size, size), 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("method", ["ml", "ekf"])
+def test_a_body_that_a_torque_brakes_is_braked_on(method, monkeypatch):
+    """By a tenth in the tracks, as by eddy currents: half as long after them a feature is where it is foreseen, to half
+    of the error of a torque that ends with them, and what is claimed of that holds.
+    """
+    features, time = box_features(8, (1, 1, 1), seed=3), np.append(4.0 * np.arange(100.0), 600.0)
+    R = attitude(np.diag([0.28, 0.33, 0.39]), np.array([0.006, 0.004, 0.04]), time, braking=1e-4)
+    com = np.tile([4.0, -19.0, 3.0], (101, 1))
+    tracks = make_case(time[:-1], R[:-1], com[:-1], features, noise=0.005, seed=1).tracks
+    found, errors = estimate(tracks, method=method, options=PathOptions(trajectory="fixed")), []
+    truth = com[0] + R[-1] @ features[2]
+    for _ in range(2):
+        there = found.predict([600.0], "F2")
+        errors.append(there.position[0] - truth)
+        square = float(errors[-1] @ np.linalg.solve(there.covariance[0, :3, :3], errors[-1]))
+        assert len(errors) == 2 or square < chi2.isf(1e-3, 3)
+        monkeypatch.setattr(LastingTorque, "of", lambda *_: None)
+    assert 2 * np.linalg.norm(errors[0]) < np.linalg.norm(errors[1])
 
 
 def test_a_point_moves_on_an_arc():

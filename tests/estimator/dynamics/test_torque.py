@@ -6,7 +6,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
-from baryscope.estimator.dynamics.torque import GAUSS, Torque, stage_weights
+from baryscope.estimator.dynamics.torque import GAUSS, LastingTorque, Torque, stage_weights
 from synthetic import ENVISAT
 
 RATE = np.deg2rad([1.2, 2.2, 2.4])
@@ -113,3 +113,19 @@ def test_more_modes_leave_the_torque_as_it_is(coefficients):
     more, time = few.with_orders(np.array([0, 1, 2, 5, 8])), np.linspace(0.0, 50.0, 7)
     assert more.size == 15
     np.testing.assert_allclose(more.at(time), few.at(time), atol=1e-18)
+
+
+def test_of_white_noise_little_lasts_and_of_a_steady_torque_all():
+    """Draws of white noise: it is taken for one that lasts less than every other time, and then for half of itself at
+    most on average. Of a torque whose mean is n deviations of the noise, all but one part in n² lasts.
+    """
+    rng, density, duration = np.random.default_rng(7), 1e-10, 500.0
+    drawn = np.sqrt(density * duration) * rng.standard_normal((2000, 3))
+    found = [(LastingTorque.of(one, np.zeros((3, 3)), density, duration), one / duration) for one in drawn]
+    kept = [np.linalg.norm(lasting.mean) / np.linalg.norm(whole) for lasting, whole in found if lasting is not None]
+    assert 0.36 < len(kept) / len(found) < 0.42  # P(χ²₃ > 3) = 0.392, four deviations either way
+    assert np.mean(kept) < 0.5
+    steady = 10 * np.sqrt(density / duration) * np.array([1.0, -1.0, 1.0])
+    lasting = LastingTorque.of(steady * duration, np.zeros((3, 3)), density, duration)
+    np.testing.assert_allclose(lasting.mean, 0.99 * steady, rtol=1e-12)
+    assert LastingTorque.of(steady * duration, np.zeros((3, 3)), 0.0, duration) is None
