@@ -85,8 +85,12 @@ def can_be_told(world: World) -> bool:
 
 
 def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
-    """The orbit with J2, the logged thrust, and that there is drag or light, where the world has them."""
+    """The orbit with J2, and that it is exact, the logged thrust, and that there is drag or light, where the world has
+    them.
+    """
     orbit, world = made.orbit, made.world
+    if orbit is not None and not world.wrong_orbit:
+        orbit = replace(orbit, accuracy=0.0)
     if orbit is not None and world.j2:
         orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
     if made.burns is not None:

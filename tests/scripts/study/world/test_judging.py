@@ -152,6 +152,7 @@ def test_what_can_be_told_is_told():
         made = scene(WORLDS[name], 1, 0)
         orbit, options = told(made, PathOptions())
         assert orbit.j2 is not None or options != PathOptions() or made.camera is not None
+        assert orbit.accuracy == (None if made.world.wrong_orbit else 0)
 
 
 @pytest.mark.parametrize("draw", [7, 64])
