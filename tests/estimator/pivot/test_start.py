@@ -108,14 +108,13 @@ def test_one_start_is_enough_where_noise_explains_all(monkeypatch, shaken):
     np.testing.assert_allclose(found.covariance, both.covariance, rtol=0.05, atol=0.05 * both.predicted_rmse**2)
 
 
-@pytest.mark.parametrize("orbit", [True, False])
-def test_many_outliers_in_the_eyes_of_a_stereo_rig_do_not_lead_it_off(orbit):
-    """A quarter of outliers and labels that are exchanged for a while: 54 and 23 m off without robust registration.
+def test_many_outliers_in_the_eyes_of_a_stereo_rig_do_not_lead_it_off():
+    """A quarter of outliers and labels that are exchanged for a while: 54 m off without robust registration.
 
     `python -m baryscope.study.population case --seed 114 --index 80 --method pivot --orbit`
     """
     case = drawn(114, 80)
-    found = estimate_by_pivot(sampled(case).tracks, case.orbit if orbit else None, PathOptions(sigma=1.0))
+    found = estimate_by_pivot(sampled(case).tracks, case.orbit, PathOptions(sigma=1.0))
     error = np.linalg.norm(found.position - case.path, axis=1)
-    assert np.median(error) < 0.02  # the bound is 3.5 or 4.3 mm; at the end, frames with other labels are left out
+    assert np.median(error) < 0.02  # the bound is 3.5 mm; at the end, frames with other labels are left out
     assert not wrong(of_estimate(found, case.path))

@@ -155,9 +155,8 @@ def test_what_can_be_told_is_told():
         assert orbit.accuracy == (None if made.world.wrong_orbit else 0)
 
 
-@pytest.mark.parametrize("draw", [7, 64])
-def test_burns_are_not_left_to_a_camera_that_shakes(draw):
+def test_burns_are_not_left_to_a_camera_that_shakes():
     """Frames that may be anywhere by a decimetre fit any burns: their freedom counts. Bounds are of known burns."""
-    line = judged("thrust not logged", 1, draw, "pivot")
+    line = judged("thrust not logged", 1, 7, "pivot")
     assert [name.split()[0] for name in line["findings"]] == 3 * ["UnknownBurn"]
     assert line["rmse"] < 4 * line["bound"]
