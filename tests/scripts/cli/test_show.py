@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-ARGUMENTS = {
+ARGUMENTS = {  # systems are of envisat, whose filter is compiled for other tests, too
     "bound": ["--scenario", "mine.toml", "--durations", "50,100"],
     "build": ["--scenario", "mine.toml", "-o", "other.fmu"],
     "campaign": ["--scenario", "mine.toml", "--methods", "pivot", "--draws", "2", "--workers", "1", "-o", "campaign"],
@@ -47,11 +47,11 @@ ARGUMENTS = {
     "compare": ["--scenario", "mine.toml", "--methods", "pivot,screw-gpa", "-o", "compared"],
     "estimate": ["mine.csv", "--orbit", "mine.orbit.toml"],
     "figures": ["--scenario", "mine.toml", "-o", "figures"],
-    "fly": ["--scenario", "mine.toml", "--duration", "60", "-o", "flown"],
+    "fly": ["--scenario", "envisat", "--duration", "60", "-o", "flown"],
     "joint": ["recorded.csv", "--parent", "pa,pb,pc,pd", "--child", "ca,cb,cc,cd"],
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
-    "system": ["--scenario", "mine.toml", "-o", "mine.ssp"],
+    "system": ["--scenario", "envisat", "-o", "chain.ssp"],
     "track": ["left", "right", "--rig", "rig.toml", "--rate", "1", "-o", "followed.csv"],
 }
 
@@ -93,7 +93,7 @@ def test_the_documents_hold_the_results(documents, folder):
     assert (folder / found["simulate"]["orbit"]).read_bytes() == (folder / "mine.orbit.toml").read_bytes()
     assert found["simulate"]["frames"] == 101
     assert found["estimate"] == json.loads((folder / "mine.estimate.json").read_text(encoding="utf-8"))
-    assert found["system"]["bytes"] == (folder / "mine.ssp").stat().st_size
+    assert found["system"]["bytes"] == (folder / "chain.ssp").stat().st_size
     assert found["fly"]["samples"] == json.loads((folder / "flown" / "flight.json").read_text())["samples"] > 0
     assert [row["duration"] for row in found["bound"]["variants"]] == [50, 100]
     assert found["bound"]["variants"][1]["path_rmse"] < 0.01
