@@ -33,9 +33,11 @@ def options(scenario_file, folder, *more, **changed):
 
 @pytest.fixture(scope="module")
 def finished(scenario_file, unit, tmp_path_factory):
-    """The folder of a campaign that one worker carried out."""
+    """The folder of a campaign that was carried out here, without a worker."""
     folder = tmp_path_factory.mktemp("campaign") / "one"
-    assert app.main(options(scenario_file, folder, "--workers", "1")) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LocalEngine, "carry_out", lambda _, cases: (run_one(case) for case in cases))
+        assert app.main(options(scenario_file, folder)) == 0
     return folder
 
 
@@ -232,15 +234,15 @@ def interruptible(command):
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-@pytest.mark.parametrize("send, number, code", [
-    (os.killpg, signal.SIGINT, 130),  # as a terminal's
-    (os.kill, signal.SIGTERM, 143),
-    (os.killpg, signal.SIGTERM, 143),
+@pytest.mark.parametrize("send, number, code, workers", [
+    (os.killpg, signal.SIGINT, 130, 1),  # as a terminal's, to each process
+    (os.kill, signal.SIGTERM, 143, 2),
+    (os.killpg, signal.SIGTERM, 143, 1),
 ])  # fmt: skip
-def test_an_interrupt_keeps_what_is_there(scenario_file, tmp_path, send, number, code):
+def test_an_interrupt_keeps_what_is_there(scenario_file, tmp_path, send, number, code, workers):
     """The exit code of the signal, one line that says how to go on, whole lines, no workers left."""
     folder = tmp_path / "cut"
-    arguments = options(scenario_file, folder, workers=2, draws=10_000)
+    arguments = options(scenario_file, folder, workers=workers, draws=10_000)
     runs = folder / RUNS
     with interruptible([*COMMAND, *arguments]) as process:
         while process.poll() is None and (not runs.exists() or runs.read_bytes().count(b"\n") < 3):
