@@ -171,18 +171,18 @@ def test_each_push_has_errors_of_its_own(envisat):
 def short(envisat, monkeypatch):
     """Flights of the preset itself, whose units are there, as far as the method has told something."""
     monkeypatch.setattr(flying, "drawn", lambda seed, draw: envisat)
-    monkeypatch.setattr(flying, "DURATION", 160.0)
+    monkeypatch.setattr(flying, "DURATION", 130.0)
 
 
 @pytest.mark.parametrize("loop", flying.LOOPS)
 def test_a_line_has_the_flight(loop, short):
     line = json.loads(json.dumps(flying.flown(1, 0, loop)))
     assert (line["loop"], line["seed"], line["draw"]) == (loop, 1, 0)
-    assert line["time"] == list(np.arange(10.0, 161.0, 10.0))
+    assert line["time"] == list(np.arange(10.0, 131.0, 10.0))
     assert all(6 < miss < 40 for miss in line["miss"])
     known = [value is not None for value in line["error"]]
     online = loop.startswith("online")
-    assert known == [True] * 16 if online else [False] * 9 + [True] * 7
+    assert known == [True] * 13 if online else [False] * 9 + [True] * 4
     assert line["error"][-1] < {"pivot": 0.1, "screw-gpa-lvlh": 0.5, "screw-gpa": 5.0}.get(loop, 0.1)
     assert line["arrived"] is None
     assert (line["body_error"] is None) == online
