@@ -6,6 +6,7 @@ sum s of the weights, of τ with a point w (1 − Q [b]×), and of two points �
 w A (1 − Q [b]×), with A the attitude, and of w w' H suffice, without the points' blocks in each frame.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -111,9 +112,7 @@ def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, 
     n, m = len(body.frames), len(body.features)
     attitude, squares = np.empty_like(body.attitude), np.zeros((n, m))
     total = ReducedEquations.zero(frames.path.size, 3 * m)
-    size = max(64, CHUNK_SIZE // (9 * m))
-    for first in range(0, n, size):
-        part = slice(first, first + size)
+    for part in chunks_of(body):
         some, features = body.in_frames(part), np.arange(m)
         here = own.frames(some.frames)
         seen = np.any(here.weight > 0, axis=0)
@@ -123,6 +122,12 @@ def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, 
         attitude[part], found, squares[part, as_slice(features)] = reduced(some, here, frames)
         total.add(found, features)
     return replace(body, attitude=attitude), total, squares
+
+
+def chunks_of(body: Body) -> Iterator[slice]:
+    """Slices of a body's frames whose arrays fit the cache."""
+    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
+    return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
 def _with_weights(body: Body, own: Observations, frames: AllFrames) -> Reduced:
