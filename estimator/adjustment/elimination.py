@@ -126,7 +126,7 @@ def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, 
 
 def chunks_of(body: Body) -> Iterator[slice]:
     """Slices of a body's frames whose arrays fit the cache."""
-    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
+    size = max(64, CHUNK_SIZE // (6 * len(body.features)))
     return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
