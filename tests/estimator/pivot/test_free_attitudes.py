@@ -182,9 +182,9 @@ def test_only_relative_weights_matter_for_the_step():
 
 
 def test_many_frames_agree_with_few_of_more_weight():
-    """More frames than fit a chunk, against the 60 different ones among them with 100 times the weight."""
+    """More frames than fit a chunk, against the 60 different ones among them with 200 times the weight."""
     rng = np.random.default_rng(0)
-    n, points = 6000, rng.normal(size=(4, 3))
+    n, points = 12_000, rng.normal(size=(4, 3))
     attitude = Rotation.random(60, random_state=0).as_matrix()[np.arange(n) % 60]
     position = np.array([4.0, -19.0, 3.0]) + points @ np.swapaxes(attitude, 1, 2)
     position += NOISE * rng.normal(size=(60, 4, 3))[np.arange(n) % 60]
