@@ -132,8 +132,7 @@ def chunks_of(body: Body) -> Iterator[slice]:
 
 def _with_weights(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     """The elimination for observations of the same weight along all axes, without shifts."""
-    path, m, index = frames.path, len(body.features), as_slice(body.frames)
-    arms, total = cross_matrices(body.points), ReducedEquations.zero(path.size, 3 * m)
+    path, m, index, arms = frames.path, len(body.features), as_slice(body.frames), cross_matrices(body.points)
     attitude, found = at_best_attitudes(own, body.attitude, frames.origin[index], body.points)
     # With the frames last in memory, as the blocks have them.
     w, R = np.asfortranarray(own.weight), np.asfortranarray(attitude)
@@ -141,18 +140,22 @@ def _with_weights(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     gain = np.einsum("kij,kjl->kil", back, inverse)
     left = found.shift - np.einsum("kij,klj->kil", gain, back)
     rhs = np.einsum("kij,kj->ki", R, found.shift_rhs) - np.einsum("kij,kj->ki", gain, found.turn_rhs)
-    total.path, total.path_sizes = path.gram_and_diagonal(index, left, found.shift)
-    total.path_rhs = path.moment(index, rhs[:, :, None])[:, 0]
-    by_path = path.moment(index, _coupling(w, R, gain, arms))
-    total.path_points = np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m)
-    across = w.T
+    of_path, path_sizes = path.gram_and_diagonal(index, left, found.shift)
+    by_path, across = path.moment(index, _coupling(w, R, gain, arms)), w.T
     pairs = across @ (across[:, :, None] * elements_of(inverse))
     turned = across @ np.einsum("kij,kj->ki", inverse, found.turn_rhs)
-    total.points_rhs = (found.point_rhs + (arms @ turned[:, :, None])[:, :, 0]).ravel()
-    total.points_sizes = np.repeat(w.sum(axis=0), 3)
+    points_sizes = np.repeat(w.sum(axis=0), 3)
     of_pairs = np.swapaxes(arms, 1, 2)[:, None] @ pairs[:, :, FULL] @ arms
-    total.points = np.diag(total.points_sizes) - of_pairs.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
-    return attitude, total, found.squares
+    sums = ReducedEquations(
+        path=of_path,
+        path_points=np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m),
+        points=np.diag(points_sizes) - of_pairs.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m),
+        path_sizes=path_sizes,
+        points_sizes=points_sizes,
+        path_rhs=path.moment(index, rhs[:, :, None])[:, 0],
+        points_rhs=(found.point_rhs + (arms @ turned[:, :, None])[:, :, 0]).ravel(),
+    )
+    return attitude, sums, found.squares
 
 
 def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: FloatArray) -> FloatArray:
@@ -169,28 +172,28 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     """The elimination for observations with precisions, or frames with shifts: these by Woodbury's formula."""
     path, index = frames.path, as_slice(body.frames)
     origin, shifts = frames.origin[index], shifts_in(frames.shifts, index)
-    total = ReducedEquations.zero(path.size, 3 * len(body.features))
+    sums = ReducedEquations.zero(path.size, 3 * len(body.features))
     attitude, found = at_best_attitudes(own, body.attitude, origin, body.points, shifts)
-    total.points_sizes = np.diagonal(found.point, axis1=1, axis2=2).ravel()
-    total.points_rhs = found.point_rhs.ravel()
-    total.points = block_diag(*found.point)
+    sums.points_sizes = np.diagonal(found.point, axis1=1, axis2=2).ravel()
+    sums.points_rhs = found.point_rhs.ravel()
+    sums.points = block_diag(*found.point)
     # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
     coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
     inverse = symmetric_inverses(found.turn)
     solved = np.einsum("kij,qjk->qik", inverse, coupling)
-    total.eliminate(coupling, solved)
+    sums.eliminate(coupling, solved)
     rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
     rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
     squares = found.squares
     if shifts is not None:
         known, rhs = rows[:3].transpose(2, 1, 0), rows[-1].T
         gained = np.einsum("kij,qjk->qik", inverted_sums(shifts.among_all(attitude), known), rows)
-        total.eliminate(rows, gained)
+        sums.eliminate(rows, gained)
         covariance = shifts.in_body(attitude)
-        total.noise_volume = float(np.linalg.slogdet(np.eye(3) + covariance @ known)[1].sum())
+        sums.noise_volume = float(np.linalg.slogdet(np.eye(3) + covariance @ known)[1].sum())
         moved = np.einsum("kij,kj->ki", inverted_sums(covariance, known), rhs)
         cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
-        total.noise_cost = max(cost, 0.0)  # squares, if it were not for rounding
+        sums.noise_cost = max(cost, 0.0)  # squares, if it were not for rounding
         turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
         there = origin + np.einsum("kij,kj->ki", attitude, moved)
         squares = normal_blocks(own, attitude @ exp_rotation(turned), there, body.points).squares
@@ -198,10 +201,10 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> Reduced:
     rows = np.einsum("kij,qjk->qik", np.asfortranarray(attitude), rows)
     R_B_C = np.swapaxes(attitude, 1, 2)
     left = rows[:3].transpose(2, 1, 0) @ R_B_C
-    total.path, total.path_sizes = path.gram_and_diagonal(index, left, attitude @ found.shift @ R_B_C)
+    sums.path, sums.path_sizes = path.gram_and_diagonal(index, left, attitude @ found.shift @ R_B_C)
     moments = path.moment(index, rows[3:].transpose(2, 1, 0))
-    total.path_points, total.path_rhs = moments[:, :-1], moments[:, -1]
-    return attitude, total, squares
+    sums.path_points, sums.path_rhs = moments[:, :-1], moments[:, -1]
+    return attitude, sums, squares
 
 
 def _rows(by_shift: FloatArray, by_points: FloatArray, rhs: FloatArray) -> FloatArray:

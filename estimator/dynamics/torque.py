@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.paths.polynomials import lagrange_weights
+from baryscope.estimator.paths.process_noise import lasting_variance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -95,16 +96,15 @@ class LastingTorque:
     def of(cls, change: FloatArray, covariance: FloatArray, density: float, duration: float) -> "LastingTorque | None":
         """The lasting part of a torque that has changed the rate by (3,) rad/s in B over a duration in s.
 
-        covariance (3, 3): of that change; density: of white noise, rad²/s³, which makes the mean acceleration as large
-        as √(density/duration). Of what is beyond that, as by eddy currents or by light, more or less goes on. None if
-        nothing is.
+        covariance (3, 3): of that change; density: of white noise, rad²/s³. Of what is beyond that, see
+        `lasting_variance`, as by eddy currents or by light, more or less goes on. None if nothing is.
         """
-        square = float(change @ change) / 3 / duration
-        if not square > density > 0:
+        lasts, noise = lasting_variance(change, density, duration), density / duration
+        if not (lasts > 0 and noise > 0):
             return None
-        share = 1 - density / square
+        share = lasts / (lasts + noise)
         mean = share * change / duration
-        own = share**2 * covariance / duration**2 + share * density / duration * np.eye(3)
+        own = share**2 * covariance / duration**2 + share * noise * np.eye(3)
         return cls(mean, own + FADES**2 * np.outer(mean, mean))
 
 
