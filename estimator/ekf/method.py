@@ -33,6 +33,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.orbits.push import unknown_push_in
 from baryscope.estimator.paths.burns import burned_in
+from baryscope.estimator.paths.doubtful_path import doubtful_parts
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.relative_motion import orbit_in
 from baryscope.estimator.paths.trajectory import Trajectory, highest_degree, trajectory_of
@@ -221,7 +222,8 @@ class _Model:
 
 def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> Passes:
     """The passes with J2, a push and errors of the orbit if `pivot` finds them, or does not tell them from none, and
-    where the path has process noise with the burns that it finds, or that the attitudes show.
+    where the path has process noise with the burns that it finds, or that the attitudes show. What `pivot` leaves to
+    the time before and after the tracks is left to it here.
     """
     problem, orbit, noise = found.problem, task.orbit, process_noise_of(found)
     noisy = (noise.significance or 0.0) >= SIGNIFICANT
@@ -240,7 +242,11 @@ def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> P
         path = orbit_error_in(solved, path) or path
         if noisy:
             path = _with_burns_of(solved, path)
-        return found if path is problem.path else passes(replace(problem, path=path))
+        found = found if path is problem.path else passes(replace(problem, path=path))
+        path = found.problem.path
+        for left_out in reversed(doubtful_parts(solved.path)):
+            path = replace(left_out, base=path)
+        return replace(found, problem=replace(found.problem, path=path))
     except ComputationError:
         return found
 

@@ -21,11 +21,12 @@ FloatArray = NDArray[np.float64]
 class DoubtfulPath(ExtendedPath):
     """A path on which a force may act that its estimate leaves out: it has no unknowns of its own.
 
-    The force's c unknowns are those of a `ForcedPath` over begin … end, s. square (c, c): the mean of their products
-    for what the tracks tell of them, m²; follows (p, c): what the unknowns of the whole path take on of them, of which
-    the last, modes of process noise, may be more or fewer than on the path that is asked.
+    estimated: the whole path on which it was left out, of p unknowns. The force's c unknowns are those of a
+    `ForcedPath` over begin … end, s. square (c, c): the mean of their products for what the tracks tell of them, m²;
+    follows (p, c): what the unknowns of the estimated path take on of them.
     """
 
+    estimated: Path
     force: Force
     begin: float
     end: float
@@ -40,14 +41,17 @@ class DoubtfulPath(ExtendedPath):
         """See `Path`."""
         return self.base.rate_at(time)
 
-    def left_out(self, path: Path, time: FloatArray) -> FloatArray:
-        """The covariance (n, 6, 6) of position and velocity at times (n,) in s, of a path that this is a part of."""
-        forced, size = ForcedPath(self.base, self.force, self.begin, self.end), self.base.size
-        own = [forced.at(time).jacobian[:, :, size:], forced.rate_at(time).jacobian[:, :, size:]]
-        shared = min(len(self.follows), path.size)
-        followed = [sampled.jacobian[:, :, :shared] for sampled in (path.at(time), path.rate_at(time))]
-        columns = np.concatenate(own, axis=1) + np.concatenate(followed, axis=1) @ self.follows[:shared]
+    def left_out(self, time: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) of position and velocity at times (n,) in s."""
+        forced = ForcedPath(self.estimated, self.force, self.begin, self.end)
+        whole = np.concatenate([forced.at(time).jacobian, forced.rate_at(time).jacobian], axis=1)
+        columns = whole[:, :, : len(self.follows)] @ self.follows + whole[:, :, len(self.follows) :]
         return np.asarray(columns @ self.square @ np.swapaxes(columns, 1, 2))
+
+
+def doubtful_parts(path: Path) -> tuple[DoubtfulPath, ...]:
+    """The parts of a path that are forces which its estimate leaves out, from the outermost one."""
+    return tuple(part for part in parts_of(path) if isinstance(part, DoubtfulPath))
 
 
 def left_out(path: Path, begin: float, end: float, time: FloatArray) -> FloatArray:
@@ -55,7 +59,6 @@ def left_out(path: Path, begin: float, end: float, time: FloatArray) -> FloatArr
     `begin` and after `end`; between these, where they do not show, it is zero. time (n,) in s.
     """
     found, outside = np.zeros((len(time), 6, 6)), (time < begin) | (time > end)
-    for part in parts_of(path):
-        if isinstance(part, DoubtfulPath) and outside.any():
-            found[outside] += part.left_out(path, time[outside])
+    for part in doubtful_parts(path) if outside.any() else ():
+        found[outside] += part.left_out(time[outside])
     return found

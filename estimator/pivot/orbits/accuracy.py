@@ -135,7 +135,7 @@ def _with_left_out(found: PivotSolution, left: Sequence["_Beside"]) -> PivotSolu
         return found
     base: Path = path.base
     for beside in left:
-        base = DoubtfulPath(base, beside.force, path.begin, path.end, *beside.left_out())
+        base = DoubtfulPath(base, path, beside.force, path.begin, path.end, *beside.left_out())
     return replace(found, path=replace(path, base=base))
 
 

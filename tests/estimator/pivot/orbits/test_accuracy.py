@@ -95,7 +95,7 @@ def test_a_tumble_rests_on_no_orbit():
     np.testing.assert_array_equal(untold.covariance, exact.covariance)
 
 
-@pytest.mark.parametrize("method", ["pivot", "ml"])
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 def test_an_error_of_the_orbit_that_does_not_show_counts_ahead(method):
     """60 m off on V-bar for a third of a revolution, on an orbit that is told 150 m too wide.
 
