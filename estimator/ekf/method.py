@@ -238,7 +238,7 @@ def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> P
             path = perhaps_oblate_in(solved.path) or task.path(trajectory, orbit_in(solved.path))
         path = push_in(solved, path) or path
         for part in reversed(inexact_parts(solved.path)):
-            path = replace(part, base=path)
+            path = part.acting(path)
         path = orbit_error_in(solved, path) or path
         if noisy:
             path = _with_burns_of(solved, path)

@@ -16,10 +16,11 @@ from baryscope.estimator.hyperparameters.evidence import (
     curvature,
     held,
     likeliest_without,
+    maximise,
     ranges,
     solved,
 )
-from baryscope.estimator.paths.prior import Prior
+from baryscope.estimator.paths.prior import Alternative, Prior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -84,8 +85,8 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     covariances would be claimed in either case, and an error that one of them explains is beyond it too often: so the
     covariance for given hyperparameters is that of their CLAIMED quantile.
 
-    What vanishes is nothing as likely as not. Both have their weight in the mean; the share of either in the covariance
-    is that of `_claimed_share`.
+    What vanishes is nothing as likely as not, and so are a prior and an alternative to it. Both have their weight in
+    the mean; the share of either in the covariance is that of `_claimed_share`.
 
     θ is that of a prior which holds what is not typical for nearly impossible, as a search needs that is not to follow
     outliers. Where the observations tell it all the same, the claim must not be too small by that: here it is tolerant.
@@ -144,12 +145,27 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
             mixture = mixture.or_else(other, nothing, claimed)
         total += mixture.within + mixture.between - covariance
         mean += mixture.mean - at_best
+    for alternative in prior.alternatives:
+        mixture = _of_both(linear, prior, theta, alternative)
+        total += mixture.within + mixture.between - covariance
+        mean += mixture.mean - at_best
     if np.any(prior.scatter):
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
         wider = conditional(linear, prior.scattered(untold), theta)[1]
         total += claimed * _positive(wider - covariance, np.diag(covariance))
     covariance, information = (total + total.T) / 2, np.diag(linear.information)
     return Posterior(theta, interval, significance, expectation, mean, covariance, at_best, information)
+
+
+def _of_both(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, other: Alternative) -> "_Mixture":
+    """The posterior of x for θ (h,) or for another explanation, with the hyperparameters that are likeliest there."""
+    instead = prior.instead(other)
+    there = maximise(linear, instead, theta)
+    probability = 1 / (1 + np.exp(min((cost(linear, instead, there) - cost(linear, prior, theta)) / 2, EXCLUDED)))
+    own, others = (_Mixture.of(linear, at, [where], np.ones(1)) for at, where in ((prior, theta), (instead, there)))
+    if np.trace(own.within) < np.trace(others.within):
+        own, others, probability = others, own, 1 - probability
+    return own.or_else(others, probability, _claimed_share(1 - probability))
 
 
 def _without(

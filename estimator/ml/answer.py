@@ -222,7 +222,7 @@ def _covariance_of_unknowns(best: MaximumAPosteriori, distance: float, variance:
     linear = own.linear(best.equations, own.values(best.rotation, best.x), variance)
     prior = variance * (own.information + np.diag(held(linear, own.own, found.theta)[0]))
     y = best.equations.covariance(best.sampled.itself, distance / np.sqrt(variance), prior)
-    if len(found.theta):
+    if len(found.theta) or own.own.alternatives:
         y = y + (found.about_likeliest - conditional(linear, own.own, found.theta)[1]) / variance
     return np.asarray(y)
 

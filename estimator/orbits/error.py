@@ -6,7 +6,8 @@ factors of known accelerations, once p is known to a fraction.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,13 @@ from numpy.typing import NDArray
 from baryscope.estimator.paths.extended_path import parts_of
 from baryscope.estimator.paths.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.paths.path import Path
-from baryscope.estimator.paths.prior import Hyperparameter
+from baryscope.estimator.paths.prior import Alternative, Hyperparameter, Prior
 from baryscope.estimator.paths.relative_motion import PerturbedOrbit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 ORBIT_ERROR = "orbit error"  # the hyperparameter: the variance of each component
 NAMES = tuple(
@@ -38,11 +40,29 @@ class InexactOrbitPath(ForcedPath):
     """A path on an orbit with an error of a given size, with a push, or, where the orbit is estimated, with J2.
 
     told: whether its size is told, or the tracks are likelier with it, else it is the one that is likely; deviation: m,
-    m/s², or a share of J2.
+    m/s², or a share of J2. doubtful (k,): the indices of components of which there is none in an alternative; likely:
+    whether these are likelier than that, else they are the alternative.
     """
 
     told: bool
     deviation: float
+    doubtful: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    likely: bool = True
+
+    @cached_property
+    def own_prior(self) -> Prior:
+        """The prior of the force's unknowns."""
+        acting, rows = self.prior_of_force(), self.doubtful
+        if not len(rows):
+            return acting
+        none = replace(acting, alternatives=(Alternative(rows, np.full(len(rows), -np.inf)),))
+        if self.likely:
+            return none
+        return replace(none.instead(none.alternatives[0]), alternatives=(Alternative(rows, acting.offset[rows]),))
+
+    def acting(self, base: Path) -> "InexactOrbitPath":
+        """The same on another base, without an alternative."""
+        return replace(self, base=base, doubtful=self.doubtful[:0])
 
 
 def inexact_parts(path: Path) -> tuple[InexactOrbitPath, ...]:

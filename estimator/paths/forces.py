@@ -91,6 +91,10 @@ class ForcedPath(ExtendedPath):
     @cached_property
     def own_prior(self) -> Prior:
         """The prior of the force's unknowns."""
+        return self.prior_of_force()
+
+    def prior_of_force(self) -> Prior:
+        """The prior of the force's unknowns by its deviations."""
         own = Prior.known((self.force.deviations * self._displacement) ** 2)
         if self.force.scale is None:
             return own

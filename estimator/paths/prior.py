@@ -75,6 +75,25 @@ class Trend:
 
 
 @dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another explanation than a prior, before the observations as likely: other variances of some unknowns.
+
+    rows (k,): their indices; offset (k,): the logarithms of these variances.
+    """
+
+    rows: IntArray
+    offset: FloatArray
+
+    def of(self, kept: IntArray) -> "Alternative":
+        """The same where only the unknowns of these indices are left, (n,) ascending, its own among them."""
+        return replace(self, rows=np.searchsorted(kept, self.rows))
+
+    def moved(self, by: int) -> "Alternative":
+        """The same where there are `by` more unknowns before."""
+        return replace(self, rows=self.rows + by)
+
+
+@dataclass(frozen=True, eq=False)
 class Prior:
     """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
 
@@ -83,6 +102,7 @@ class Prior:
     lie above that law from an unknown on that the observations do not tell; other than zero only for the three
     coordinates of one coefficient after the other. tolerant: what is beyond the typical is improbable by a rate that is
     known to about its half, that is, far beyond by a power (Lomax 1954, J. Am. Stat. Assoc. 49), not exponentially.
+    alternatives: each to the prior as it is, of unknowns that have no hyperparameter.
     """
 
     offset: FloatArray
@@ -92,6 +112,7 @@ class Prior:
     trend: Trend | None = None
     order: FloatArray | float = 0.0
     tolerant: bool = False
+    alternatives: tuple[Alternative, ...] = ()
     _laws: dict[tuple[float, ...], tuple[FloatArray, Callable[[], FloatArray]]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -210,13 +231,24 @@ class Prior:
             np.concatenate(scatters),
             other.trend.moved(len(self.hyperparameters)) if other.trend is not None else self.trend,
             np.concatenate([self._order, other._order]),
+            alternatives=self.alternatives + tuple(one.moved(len(self.offset)) for one in other.alternatives),
         )
+
+    def instead(self, other: Alternative) -> "Prior":
+        """The prior by the other explanation, without an alternative."""
+        offset = self.offset.copy()
+        offset[other.rows] = other.offset
+        return replace(self, offset=offset, alternatives=())
 
     def of(self, kept: IntArray) -> "Prior":
         """The prior of some of the unknowns, by their indices (k,)."""
-        scatter = np.broadcast_to(self.scatter, self.offset.shape)[kept]
         return replace(
-            self, offset=self.offset[kept], slopes=self.slopes[kept], scatter=scatter, order=self._order[kept]
+            self,
+            offset=self.offset[kept],
+            slopes=self.slopes[kept],
+            scatter=np.broadcast_to(self.scatter, self.offset.shape)[kept],
+            order=self._order[kept],
+            alternatives=tuple(one.of(kept) for one in self.alternatives if np.isin(one.rows, kept).all()),
         )
 
     def index(self, name: str) -> int | None:

@@ -70,7 +70,7 @@ def with_errors_of_orbit(
     base: Path = path.base
     for doubt in doubts:
         if doubt.rests:
-            base = InexactOrbitPath(base, doubt.beside.force, path.begin, path.end, doubt.told, doubt.size)
+            base = replace(doubt.part, base=base)
     other = None if base is path.base else refined_on(base, path, found, start, options)
     left = [doubt.beside for doubt in doubts if not doubt.rests]
     if other is not None and isinstance(other.path, ProcessNoisePath):
@@ -87,24 +87,39 @@ def untold_accuracy(path: Path) -> tuple[UntoldAccuracy, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Doubt:
-    """A force that the tracks do not exclude, beside a solution; told: whether its size is, or that it acts.
+    """A force that the tracks do not exclude, beside a solution, and the part of a path that it is.
 
-    size: its standard deviation, m, m/s², or a share of J2; rests: whether it has to be among the unknowns.
+    rests: whether it has to be among the unknowns.
     """
 
     beside: "_Beside"
-    size: float
-    told: bool
+    part: InexactOrbitPath
     rests: bool
 
     @classmethod
-    def of(cls, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
-        """The doubt of the first of some shares of a force's deviations that the tracks do not exclude, if one is."""
+    def of(cls, path: ProcessNoisePath, beside: "_Beside", size: float, *, told: bool) -> "_Doubt":
+        """The doubt of a force of a size that is told, or that acts: m, m/s², or a share of J2."""
+        return cls(beside, InexactOrbitPath(path.base, beside.force, path.begin, path.end, told, size), True)
+
+    @classmethod
+    def of_untold(cls, path: ProcessNoisePath, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
+        """The doubt of the first of some shares of a force's deviations that the tracks do not exclude, if one is.
+
+        If the answer rests on it, they must not exclude it for a smaller one either. Of components that they exclude to
+        be as great as is likely there may as well be nothing.
+        """
         share = next((one for one in shares if beside.excess(one) < DECISIVE), None)
         if share is None:
             return None
-        part = beside.of_share(share)
-        return cls(part, float(part.force.deviations.max()), False, beside.matters(share))
+        if beside.matters(share):
+            excesses = [beside.excess(one) for one in shares]
+            best = min(0.0, *excesses)
+            share = next(one for one, excess in zip(shares, excesses, strict=True) if excess - best < DECISIVE)
+        small, own = np.broadcast_to(share, beside.variances.shape) < 1, beside.of_share(share)
+        likely = beside.excess(share) < beside.excess(np.where(small, NEGLIGIBLE, share))
+        doubt = cls.of(path, own, float(own.force.deviations.max()), told=False)
+        part = replace(doubt.part, doubtful=np.flatnonzero(small), likely=likely)
+        return replace(doubt, part=part, rests=beside.matters(share))
 
 
 def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> tuple[_Doubt, ...]:
@@ -116,15 +131,18 @@ def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options:
         if oblateness is not None:
             beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
             excess = beside.excess(1.0)
-            doubts.append(_Doubt(beside, size, excess <= -DECISIVE, True) if excess < DECISIVE else None)
+            acts = excess <= -DECISIVE
+            doubts.append(_Doubt.of(path, beside, size, told=acts) if excess < DECISIVE else None)
     elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         beside = _Beside.of(found, path, orbit_error(orbit, found.position, *span, deviation))
-        told = orbit.accuracy is not None
-        doubts.append(_Doubt(beside, deviation, True, True) if told else _Doubt.of(beside, OF_ORBIT))
+        if orbit.accuracy is not None:
+            doubts.append(_Doubt.of(path, beside, deviation, told=True))
+        else:
+            doubts.append(_Doubt.of_untold(path, beside, OF_ORBIT))
     push = untold_push_beside(path, orbit, options)
     if push is not None:
-        doubts.append(_Doubt.of(_Beside.of(found, path, push.force), OF_PUSH))
+        doubts.append(_Doubt.of_untold(path, _Beside.of(found, path, push.force), OF_PUSH))
     return tuple(doubt for doubt in doubts if doubt is not None)
 
 

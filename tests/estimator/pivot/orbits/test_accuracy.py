@@ -14,6 +14,7 @@ from baryscope.estimator.orbits.push import untold_push
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.study.population.judging import of_estimate, prepared, wrong
+from baryscope.study.world.judging import prepared as world_prepared
 from oracles import fallen, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
@@ -76,6 +77,19 @@ def test_drag_that_nobody_tells_is_allowed_for():
     (finding,) = found.findings
     assert finding.push == pytest.approx(untold_push(case.orbit))
     assert not wrong(of_estimate(found, case.path))
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_an_error_that_the_tracks_all_but_exclude_moves_the_answer_little(method):
+    """A whole orbit tells most of its errors. As an unknown of the size that is just not excluded, these moved the path
+    by 0.95 of what is claimed without.
+    """
+    made = world_prepared("J2, one orbit", 1, 7)[0]
+    orbit = made.orbit.with_earths_j2()
+    untold, exact = (estimate(made.tracks, orbit=replace(orbit, accuracy=one), method=method) for one in (None, 0.0))
+    assert any(isinstance(one, UntoldAccuracy) for one in untold.findings)
+    apart = np.sqrt(np.sum((untold.position - exact.position) ** 2, axis=1).mean())
+    assert apart < 0.5 * exact.predicted_rmse < 0.5 * untold.predicted_rmse
 
 
 def test_a_push_is_less_the_higher_the_orbit():
