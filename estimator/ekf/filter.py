@@ -2,7 +2,9 @@
 
 The filter runs with known parameters θ: its covariances P are those of the process noise alone, and its means are
 affine in θ. The frames' likelihoods add up to a quadratic form in θ (de Jong 1991). So θ needs no prior, and a path
-without process noise costs no precision. Backwards runs the disturbance smoother (Bryson and Frazier's adjoint).
+without process noise costs no precision. Observations are whitened: nodes that tell of a pose in part, or not at all,
+are no exception, and the form is a sum of squares, not a difference of large ones. Backwards runs the disturbance
+smoother (Bryson and Frazier's adjoint).
 """
 
 from dataclasses import dataclass
@@ -35,10 +37,10 @@ class ProcessNoise:
 
 @dataclass(frozen=True, eq=False)
 class FilterHistory:
-    """What the smoother needs from the filter for k members, at each of n nodes.
+    """What the smoother needs from the filter for k members, at each of n nodes, of observations whitened.
 
     predicted (n, k, d, c + d): the affine state and its covariance P before the update; innovations (n, k, 6, c + d),
-    e and −M G P with M = (Λ⁻¹ + S)⁻¹; precision (n, k, 6, 6), M. Zero where nothing is seen.
+    M e and −M H P with their precision M (n, k, 6, 6). Zero where nothing is seen.
     """
 
     predicted: FloatArray
@@ -61,9 +63,8 @@ class FilterHistory:
 class Forward:
     """The result of the filter for k members.
 
-    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding (k, c, c): how far it was from
-    symmetric, a sample of its rounding errors; log_determinant (k,) of their covariances over those of the
-    observations.
+    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding (k, c, c): a sample of its
+    rounding errors; log_determinant (k,) of their covariances over those of the observations.
     """
 
     cost: FloatArray
@@ -73,63 +74,58 @@ class Forward:
 
 @np.errstate(over="ignore", invalid="ignore")  # of a system that has lost the motion
 def filtered(system: Linearised, noise: ProcessNoise, history: FilterHistory | None = None) -> Forward:
-    """Run the filter; history: where what the smoother needs is written, if it is to run."""
+    """Run the filter; history: where what the smoother needs is written, if it is to run.
+
+    The members lie side by side in one matrix, as most of what is done with one is done with all: rows of the state,
+    then columns of each member.
+    """
     n, d, c, k = len(system.observed), *system.first.shape, len(noise.density)
-    units = noise.units.reshape(n - 1, 2, d * d)
-    cost, log_determinant = np.tile(system.static, (k, 1, 1)), np.zeros(k)
-    shift = noise.shift[:, None, None] * np.diag([1.0] * 3 + [0.0] * 3) if noise.shift.any() else None
-    both = np.zeros((k, d, c + d))  # the affine state and the covariance
-    both[:, :, :c] = system.first
+    width, moved = c + d, system.drive.shape[2]
+    white, units = system.whitened, noise.units.reshape(n - 1, 2, d * d)
+    H, shift = white.observed, noise.shift[:, None, None] if noise.shift.any() else None
+    cost, log_determinant = np.tile(white.left, (k, 1, 1)), np.zeros(k)
+    both = np.zeros((d, k, width))  # the affine state and the covariance
+    both[:, :, :c] = system.first[:, None]
+    size = min(BLOCK, n)
+    left, whole = np.zeros((size, 6, k, width)), np.zeros((size, 6, k, width))  # innovations e, and M e
     for begin in range(0, n, BLOCK):
         part = slice(begin, min(begin + BLOCK, n))
         size = part.stop - begin
-        rhs, drive = _widened(system.rhs[part], c + d), _widened(system.drive[part], c + d)
-        added = (noise.density @ units[part]).reshape(-1, k, d, d)
-        seen, innovation = np.zeros((k, size, 6, c + d)), np.zeros((k, size, 6, c + d))
-        ratio = np.tile(np.eye(6), (size, k, 1, 1))
+        added = (noise.density @ units[part]).reshape(-1, k, d, d).transpose(0, 2, 1, 3)
+        left[:size], whole[:size] = 0.0, 0.0
+        left[:size, :, :, :c] = white.rhs[part, :, None]
+        ratio, precision = np.tile(np.eye(6), (size, k, 1, 1)), np.tile(np.eye(6), (size, k, 1, 1))
         for at in range(size):
             j = begin + at
             if history:
-                history.predicted[j] = both
+                history.predicted[j] = both.transpose(1, 0, 2)
             if system.seen[j]:
-                G, information = system.observed[j], system.information[j]
-                expected = np.matmul(G, both, out=seen[:, at])
-                told = information @ expected
-                ratio[at] += told[:, :, c:] @ G.T
+                expected = (H[j] @ both.reshape(d, -1)).reshape(6, k, width)
+                left[at] -= expected
+                ratio[at] += (expected[:, :, c:] @ H[j].T).transpose(1, 0, 2)
                 if shift is not None:
-                    ratio[at] += information @ shift
-                whitened = np.matmul(_inverse(ratio[at]), rhs[at] - told, out=innovation[:, at])
-                both += expected[:, :, c:].transpose(0, 2, 1) @ whitened
+                    slipping = white.from_pose[j, :, :3]
+                    ratio[at] += shift * (slipping @ slipping.T)
+                precision[at] = _inverse(ratio[at])
+                np.matmul(precision[at], left[at].transpose(1, 0, 2), out=whole[at].transpose(1, 0, 2))
+                gained = expected[:, :, c:].transpose(1, 2, 0) @ whole[at].transpose(1, 0, 2)
+                both += gained.transpose(1, 0, 2)
             if j < n - 1:
                 F = system.transition[j]
-                both = F @ both
-                both += drive[at]
+                both = (F @ both.reshape(d, -1)).reshape(d, k, width)
+                both[:, :, :moved] += system.drive[j][:, None]
                 P = both[:, :, c:] @ F.T
                 if j % SYMMETRISED == 0:
-                    P = 0.5 * (P + P.transpose(0, 2, 1))
+                    P = 0.5 * (P + P.transpose(2, 1, 0))
                 np.add(P, added[at], out=both[:, :, c:])
-        S = seen[..., c:] @ system.observed[part].transpose(0, 2, 1)
-        if shift is not None:
-            S += shift[:, None]
-        corrected = S @ innovation[..., :c] + seen[..., :c]
-        own = system.rhs[part].reshape(-1, c)
-        for member in range(k):
-            half = own.T @ corrected[member].reshape(-1, c)
-            half += seen[member].reshape(-1, c + d)[:, :c].T @ innovation[member].reshape(-1, c + d)[:, :c]
-            cost[member] -= half
+        e, told = (one[:size].reshape(6 * size, k, width)[:, :, :c] for one in (left, whole))
+        cost += e.transpose(1, 2, 0) @ told.transpose(1, 0, 2)
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
         if history:
-            history.innovations[part] = innovation.swapaxes(0, 1)
-            history.precision[part] = _inverse(ratio) @ system.information[part, None]
+            history.innovations[part] = whole[:size].transpose(0, 2, 1, 3)
+            history.precision[part] = precision
     asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
     return Forward(0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant)
-
-
-def _widened(columns: FloatArray, width: int) -> FloatArray:
-    """Matrices (n, d, width) of the columns (n, d, c) and zeros."""
-    found = np.zeros((*columns.shape[:2], width))
-    found[:, :, : columns.shape[2]] = columns
-    return found
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -156,11 +152,13 @@ def smoothed(system: Linearised, history: FilterHistory) -> tuple[FloatArray, Fl
     both = np.zeros((k, d, width))  # the adjoint of the state, and its covariance
     for begin in reversed(range(0, n, BLOCK)):
         part = slice(begin, min(begin + BLOCK, n))
-        G, innovation, steps = system.observed[part, None], history.innovations[part], system.transition[part, None]
-        back = np.eye(d) + G.swapaxes(2, 3) @ innovation[..., c:]
+        H, innovation, steps = (
+            one[part] for one in (system.whitened.observed[:, None], history.innovations, system.transition[:, None])
+        )
+        back = np.eye(d) + H.swapaxes(2, 3) @ innovation[..., c:]
         back[: len(steps)] = back[: len(steps)] @ steps.swapaxes(2, 3)  # from the last node the adjoint is zero
-        told = np.concatenate([innovation[..., :c], history.precision[part] @ G], axis=3)
-        adjoint = G.swapaxes(2, 3) @ told
+        told = np.concatenate([innovation[..., :c], history.precision[part] @ H], axis=3)
+        adjoint = H.swapaxes(2, 3) @ told
         for at in reversed(range(len(adjoint))):
             both = back[at] @ both
             both[:, :, c:] = both[:, :, c:] @ back[at].transpose(0, 2, 1)

@@ -7,6 +7,7 @@ path, ω at the first node, points). Means are affine in θ: they are held as ma
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 INERTIA = ROTATION - 6  # unknowns of the inertia
 STATE = 12  # unknowns at a node
+LEAST = 1e-15  # eigenvalue of a node's information over the greatest: a smaller one is rounding
 PATH, TURN, RATE = slice(0, 6), slice(6, 9), slice(9, STATE)  # of these
 
 
@@ -90,6 +92,31 @@ class Linearised:
     def points(self) -> slice:
         """Where the points are among the parameters."""
         return points_in(self.drive.shape[2] - 1 - INERTIA)
+
+    @cached_property
+    def whitened(self) -> "Whitened":
+        """The observations of unit variance."""
+        values, axes = np.linalg.eigh(self.information)
+        root = np.sqrt(np.where(values > LEAST * values[:, -1:], values, 0.0))
+        from_pose = root[:, :, None] * axes.transpose(0, 2, 1)
+        inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
+        rhs = inverse[:, :, None] * (axes.transpose(0, 2, 1) @ self.rhs)
+        rows = rhs.reshape(-1, rhs.shape[2])
+        return Whitened(from_pose, from_pose @ self.observed, rhs, self.static - rows.T @ rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """The observations of a `Linearised` as six independent ones of variance 1 in each node, or of none.
+
+    from_pose (n, 6, 6): T of position and attitude in B, of which TᵀT is the information; observed (n, 6, d): T G; rhs
+    (n, 6, c): their values, affine in θ; left (c, c): the quadratic form of the cost that no state changes.
+    """
+
+    from_pose: FloatArray
+    observed: FloatArray
+    rhs: FloatArray
+    left: FloatArray
 
 
 def points_in(path_size: int) -> slice:

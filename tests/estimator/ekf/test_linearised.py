@@ -78,3 +78,22 @@ def test_the_drive_is_what_the_reference_departs_from_its_motion(case):
     np.testing.assert_allclose(system.drive[0, :6, 0], expected)
     J, w = ENVISAT, np.array([0.06, 0.01, 0.01])
     np.testing.assert_allclose(system.drive[0, 9:, 0], np.linalg.solve(J, -np.cross(w, J @ w)), rtol=0.05)
+
+
+def test_whitened_observations_tell_what_the_frames_do(case):
+    """For frames of one feature and of none, too, of which the information is of less than six dimensions."""
+    reference, nodes, observations = case
+    seen = observations.weight.sum(axis=1)
+    assert seen.min() == 1
+    observations = observations.weighted(
+        np.where(np.arange(8)[:, None] == int(seen.argmax()), 0.0, observations.weight)
+    )
+    system = linearised(reference, nodes, observations)
+    white = system.whitened
+    transposed = white.from_pose.transpose(0, 2, 1)
+    np.testing.assert_allclose(transposed @ white.from_pose, system.information, atol=1e-12 * system.information.max())
+    np.testing.assert_allclose(transposed @ white.rhs, system.rhs, atol=1e-12 * np.abs(system.rhs).max())
+    np.testing.assert_array_equal(white.observed, white.from_pose @ system.observed)
+    rows = white.rhs.reshape(-1, white.rhs.shape[2])
+    np.testing.assert_allclose(white.left + rows.T @ rows, system.static, atol=1e-12 * np.abs(system.static).max())
+    assert not white.rhs[~system.seen].any()
