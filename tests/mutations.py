@@ -1,14 +1,19 @@
 """Units with one error each: changes of modelDescription.xml, and the finding that each must give."""
 
+import re
 import xml.etree.ElementTree as ET
 import zipfile
 
 import pytest
 
 from baryscope.fmu.generate.build import describe_unit
-from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
-from baryscope.fmu.generate.sources import MAIN, interface_headers
+from baryscope.fmu.generate.compiler import DEFINITIONS, Job, compile_all, find_compiler
+from baryscope.fmu.generate.sources import MAIN, SCENARIO, interface_headers
 from baryscope.fmu.layout.platforms import host_platform
+
+EQUATIONS, MUTANT = "model.c", "mutant.c"
+DEFINED = "".join(f"#define {word[2:].replace('=', ' ')}\n" for word in DEFINITIONS).encode()
+EXPORTED = b"#include <math.h>\n#define casadi_real double\n#define casadi_int int\n"
 
 
 def rewritten(source, target, change):
@@ -37,18 +42,35 @@ def mutated(source, target, mutate):
 def relinked(source, target, blueprint, fmi, changes):
     """A copy of an FMU whose library is of changed sources: the file, what stands in it once, what takes its place.
 
-    It is compiled without optimisation, for the few seconds that such a unit flies.
+    It is compiled without optimisation, for the few seconds that such a unit flies; its equations, which no change is
+    in and which take most of the time, once for all units that share them.
     """
     _, sources = describe_unit(blueprint, fmi)
     sources = dict(sources) | interface_headers(fmi)
     for file, old, new in changes:
         assert sources[file].count(old) == 1, file
         sources[file] = sources[file].replace(old, new)
-    job = Job(sources, MAIN, "library.so", host_platform(), tuple(find_compiler()))
+    headers = {name: content for name, content in sources.items() if name.endswith(".h") or name == SCENARIO}
+    both = {EQUATIONS: sources[EQUATIONS], MUTANT: DEFINED + without_equations(sources, MAIN)}
+    job = Job(headers | both, EQUATIONS, "library.so", host_platform(), tuple(find_compiler()), MUTANT)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CFLAGS", "-O0")
         [library] = compile_all([job]).values()
     return rewritten(source, target, lambda name, content: library if name.startswith("binaries/") else content)
+
+
+def without_equations(sources, name):
+    """A source with those that it includes in their places, but of the equations their declarations alone, and without
+    what another version of FMI includes.
+    """
+    if name == EQUATIONS:
+        functions = re.findall(rb"^CASADI_SYMBOL_EXPORT (.*\)) ?{", sources[name], re.MULTILINE)
+        return EXPORTED + b"".join(function + b";\n" for function in functions)
+    parts = re.split(rb'^#include "(\w+\.c)"$', sources[name], flags=re.MULTILINE)
+    parts[1::2] = (
+        without_equations(sources, part.decode()) if part.decode() in sources else b"" for part in parts[1::2]
+    )
+    return b"".join(parts)
 
 
 # ---- what can be wrong in FMI 2 ----
