@@ -113,7 +113,7 @@ def test_a_case_of_another_population_is_flown_as_its_suite_says(suite, draw, to
     assert table([line]).rows[0][0] == suite
 
 
-def test_tables_have_a_row_for_each_mark(line, tmp_path, capsys):
+def test_tables_have_a_row_for_each_mark(line, tmp_path, in_process, capsys):
     again = line | {"draw": 1}
     assert len(table([line, again]).rows) == 6
     (row,) = ends([line, again]).rows

@@ -130,7 +130,7 @@ def test_a_world_without_answers_has_a_row():
     assert (row["draws"], row["refused"], row["rms error mm"], row["announced"]) == ("2", "2", "-", "-")
 
 
-def test_a_run_is_resumed_and_reported(tmp_path, capsys):
+def test_a_run_is_resumed_and_reported(tmp_path, in_process, capsys):
     output = str(tmp_path / "worlds.jsonl")
     for _ in range(2):
         main(["run", "--draws", "1", "--worlds", "pivot slips", "--methods", "pivot,pivot told", "-o", output])
