@@ -31,9 +31,12 @@ RUNS, FRAMES, FEW = 70, 80, 12
 EXACT = {"process_noise": "none", "torque_noise": "none"}  # the models hold exactly here
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def draws():
-    """70 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
+    """70 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound.
+
+    For the session, as a worker of xdist may take up this module twice.
+    """
     time, R = turning(FRAMES)
     com, features = in_orbit(time), FEATURES[:5]
     cases = [make_case(time, R, com, features, noise=NOISE, seed=seed) for seed in range(RUNS)]
