@@ -27,6 +27,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 gc.set_threshold(20_000, 10, 100)
 
 
+def pytest_collection_finish():
+    """Neither does it look at what is there when the first test begins, nor when the last one has ended."""
+    gc.freeze()
+
+
 def pytest_report_header():
     """On what the tests run, and which programs that some of them need are there."""
     packages = ("baryscope", "casadi", "fmpy", "numpy", "scipy")
