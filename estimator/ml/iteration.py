@@ -28,6 +28,9 @@ from baryscope.estimator.progress import Rounds
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 25  # of steps and new weights: what has not converged then says so
+# After so many, residuals of so many times the variance with free attitudes are those of no tumble: as in a hand, where
+# a torque that changes the rate many times over is followed in ever shorter steps.
+PATIENCE, HOPELESS = 8, 300.0
 DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
 MOST_DAMPING, STRONGER, WEAKER = 1e10, 10.0, 30.0  # after a step uphill it is so many times stronger, else weaker
 UNDAMPED = 1e-2  # a step with more damping is short by that, and not as the iteration has converged
@@ -163,9 +166,11 @@ class _Step:
 
 
 def iterated(problem: Problem, start: Iterate, done: Rounds) -> Iterate:
-    """Damped Gauss–Newton steps until steps and changes of the weights are small, or none leads downhill."""
+    """Damped Gauss–Newton steps until steps and changes of the weights are small, none leads downhill, or there is no
+    hope.
+    """
     at, damping = start, DAMPING
-    while not at.converged and at.rounds < MAX_ROUNDS:
+    while not at.converged and at.rounds < MAX_ROUNDS and not _is_hopeless(at, start.variance):
         done.did(STAGE)
         model = _QuadraticModel.of(problem, at)
         step = _step_downhill(problem, at, model, damping)
@@ -174,6 +179,12 @@ def iterated(problem: Problem, start: Iterate, done: Rounds) -> Iterate:
             return at
         at, damping = _reweighted(problem, at, step), step.damping
     return at
+
+
+def _is_hopeless(at: Iterate, variance: float) -> bool:
+    """Whether an iterate is still so far off, for the variance of an observation, that it leads to no tumble."""
+    seen = 3 * float(np.minimum(at.observations.weight, 1.0).sum())
+    return at.rounds >= PATIENCE and at.equations.cost > HOPELESS * variance * seen
 
 
 def _step_downhill(problem: Problem, at: Iterate, model: _QuadraticModel, damping: float) -> _Step | None:
