@@ -130,6 +130,8 @@ def _filtered(task: _Task) -> tuple[Passes, PivotSolution | None]:
     Raises:
         ComputationError: none does, or the tracks do not determine the unknowns, or there are too many.
     """
+    frames, features = task.tracks.seen.shape
+    _refuse_effort(frames, frames, features)  # before `pivot` is solved, which may take a minute
     model = _Model.of(task)
     try:
         found = _first_of(model.starts(), model.passes)

@@ -11,6 +11,7 @@ from baryscope.estimator.findings import FewFrames, FreeAttitudes
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.method import PivotProblem
 from baryscope.estimator.result import Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
@@ -370,3 +371,13 @@ def test_from_the_tumble_of_ml_where_passes_do_not_come_to_rest():
     squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance), error)
     assert squares.max() < 21.1  # p = 1e-4
     assert np.abs(error).max() < 0.02  # from a registration it is 1.3 m off
+
+
+def test_too_many_features_are_refused_before_anything_else(monkeypatch, sampled):
+    """There, `pivot` without an orbit took a minute for 308 labels, and then there were too many."""
+    monkeypatch.setattr(PivotProblem, "of", lambda *_: pytest.fail("pivot is solved"))
+    time = sampled[:20]
+    com = np.tile([0.0, -20.0, 0.0], (20, 1))
+    case = make_case(time, attitude(ENVISAT, np.deg2rad(FAST), time), com, box_features(201, (10, 5, 5), seed=3))
+    with pytest.raises(ComputationError, match=r"20 frames of 201 features: .* use at most 200 features"):
+        estimate_by_filter(case.tracks, None, PathOptions())
