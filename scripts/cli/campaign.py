@@ -3,7 +3,7 @@
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
@@ -14,7 +14,6 @@ from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
 from baryscope.scripts.cli.options.whole import Whole
 from baryscope.study.campaign import (
-    CampaignSummary,
     Plan,
     Shard,
     begin,
@@ -29,7 +28,9 @@ from baryscope.study.campaign import report as report_of
 from baryscope.study.campaign.folder import alone_in, read_plan
 from baryscope.study.campaign.runner import PAGE, SUMMARY, carry_out
 from baryscope.study.campaign.suite import read_suite
-from baryscope.study.campaign.summary import ABOUT_SHORT
+
+if TYPE_CHECKING:
+    from baryscope.study.campaign import CampaignSummary
 
 campaign = App(name="campaign", result_action="return_value")
 
@@ -147,7 +148,7 @@ def merge_folders(
 
 def _carried_out(
     plan: Plan, folder: Path, workers: int | None, scheduler: str | None, part: Shard, show: Show
-) -> CampaignSummary:
+) -> "CampaignSummary":
     """The campaign, on this machine or on a cluster."""
     with ExitStack() as stack:
         client = None if scheduler is None else stack.enter_context(connected(scheduler))
@@ -192,8 +193,10 @@ def _remark_on_what_is_there(done: int, missing: int, show: Show) -> None:
         show.remark(f"{counted(done, 'run is', 'runs are')} there; going on with {missing}")
 
 
-def _show(summary: CampaignSummary, folder: Path, show: Show) -> None:
+def _show(summary: "CampaignSummary", folder: Path, show: Show) -> None:
     """The tables, and what to know of them."""
+    from baryscope.study.campaign.summary import ABOUT_SHORT  # slow to load, and workers do without
+
     if not summary.count:
         raise InputError(f"{folder}: holds no runs yet, expected some to report")
     words = [word for table in summary.tables() for word in (table, "")]

@@ -4,16 +4,30 @@
 shards together, `report` reads what has ended, `read_runs` gives it as a table.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from baryscope.study.campaign.case import Case, drawn, run_one
 from baryscope.study.campaign.engines import connected, usable_cores
 from baryscope.study.campaign.folder import begin, read_plan
-from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan, plan_of
 from baryscope.study.campaign.runner import campaign, campaign_paths, mended, report
 from baryscope.study.campaign.shards import Shard, merge, shard_of
-from baryscope.study.campaign.summary import CampaignSummary
-from baryscope.study.campaign.table import read_runs
 from baryscope.study.campaign.vary import VARIED
+
+if TYPE_CHECKING:
+    from baryscope.study.campaign.html_report import report_of_campaign
+    from baryscope.study.campaign.summary import CampaignSummary
+    from baryscope.study.campaign.table import read_runs
+else:
+    # These need polars, which is slow to load, and workers do without: they make runs, and read none.
+    LATE = {"report_of_campaign": "html_report", "CampaignSummary": "summary", "read_runs": "table"}
+
+    def __getattr__(name):
+        if name not in LATE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f"{__name__}.{LATE[name]}"), name)
+
 
 __all__ = [
     "VARIED",

@@ -12,7 +12,7 @@ from baryscope.report import Report
 from baryscope.report.charts import curve
 from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Tabs, Words
 from baryscope.study.campaign.marginals import marginals
-from baryscope.study.campaign.report import LEGEND, MOST_REMARKS, varied_words
+from baryscope.study.campaign.markdown import LEGEND, MOST_REMARKS, varied_words
 from baryscope.study.campaign.statistics import DEGREES
 from baryscope.study.campaign.suite import Entry
 from baryscope.study.campaign.summary import HEADINGS, CampaignSummary

@@ -15,17 +15,15 @@ from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, drawn
 from baryscope.study.campaign.engines import ClusterEngine, Engine, LocalEngine
 from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, alone_in, begin, read_plan
-from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan
-from baryscope.study.campaign.reading import Ended, blocks_of, sound_length
-from baryscope.study.campaign.report import write_summary
 from baryscope.study.campaign.shards import ALL, Shard
-from baryscope.study.campaign.summary import CampaignSummary
-from baryscope.study.campaign.table import read_runs, write_runs
 from baryscope.study.flight import build_unit
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from baryscope.study.campaign.reading import Ended
+    from baryscope.study.campaign.summary import CampaignSummary
 
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.md", "report.html"
 
@@ -38,7 +36,7 @@ def campaign(
     workers: int | None = None,
     shard: Shard = ALL,
     progress: Progress | None = None,
-) -> CampaignSummary:
+) -> "CampaignSummary":
     """Carry out the runs of a campaign that are not in its folder yet, and write its summary.
 
     What comes out does not depend on where it runs, nor on how many workers there are. An interrupted campaign goes on
@@ -73,7 +71,7 @@ def carry_out(
     workers: int | None = None,
     shard: Shard = ALL,
     progress: Progress | None = None,
-) -> CampaignSummary:
+) -> "CampaignSummary":
     """As `campaign`, for who is alone in the folder."""
     engine: Engine = LocalEngine(workers) if client is None else ClusterEngine(client)
     plan = begin(folder, plan)
@@ -108,12 +106,14 @@ def carry_out(
     return report(folder)
 
 
-def mended(folder: Path, plan: Plan) -> Ended:
+def mended(folder: Path, plan: Plan) -> "Ended":
     """What has ended; a last line that was torn is cut off the file.
 
     Raises:
         InputError: a line that is no run of this plan.
     """
+    from baryscope.study.campaign.reading import Ended, blocks_of, sound_length  # slow to load, and workers do without
+
     ended = Ended(plan)
     for _ in blocks_of(folder, plan, ended):
         pass
@@ -128,7 +128,7 @@ def campaign_paths(folder: AnyPath) -> tuple[Path, ...]:
     return tuple(Path(folder) / name for name in (HEADER, RUNS, TABLE, SUMMARY, PAGE))
 
 
-def report(folder: AnyPath) -> CampaignSummary:
+def report(folder: AnyPath) -> "CampaignSummary":
     """The summary of the runs that have ended, also while others go on; if there are some, in files, too.
 
     These are runs.parquet, summary.md and report.html.
@@ -136,6 +136,11 @@ def report(folder: AnyPath) -> CampaignSummary:
     Raises:
         InputError: the folder holds no campaign.
     """
+    from baryscope.study.campaign.html_report import report_of_campaign  # slow to load, and workers do without
+    from baryscope.study.campaign.markdown import write_summary
+    from baryscope.study.campaign.summary import CampaignSummary
+    from baryscope.study.campaign.table import read_runs, write_runs
+
     folder = Path(folder)
     plan = read_plan(folder)
     summary = CampaignSummary(plan, read_runs(folder, plan))

@@ -12,7 +12,6 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
 from baryscope.study.campaign.folder import HEADER, RUNS, read_plan, write_plan
 from baryscope.study.campaign.plan import Plan
-from baryscope.study.campaign.reading import Ended, blocks_of
 
 
 @dataclass(frozen=True)
@@ -59,6 +58,8 @@ def merge(folders: Sequence[AnyPath], output: AnyPath) -> Plan:
         InputError: fewer than two folders; one is named twice; their plans differ; two runs of a draw differ; or the
             output is there.
     """
+    from baryscope.study.campaign.reading import Ended, blocks_of  # slow to load, and workers do without
+
     sources, output = [Path(folder) for folder in folders], Path(output)
     if len(sources) < 2:
         raise InputError(f"merge: found {len(sources)} folder, expected at least two")

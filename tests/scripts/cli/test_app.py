@@ -77,6 +77,7 @@ def test_a_command_loads_what_it_needs():
     assert not loaded_by("build", "--help") & {"scipy", "baryscope.estimator", "baryscope.study"}
     slow = {f"scipy.{name}" for name in ("stats", "signal", "interpolate", "ndimage", "optimize", "sparse", "spatial")}
     assert not loaded_by("estimate", "--help") & slow
+    assert not loaded_by("campaign", "--help") & {*slow, "polars"}  # nor do workers: they load a part of this
 
 
 def test_scenarios_has_a_line_for_each_preset(capsys):
