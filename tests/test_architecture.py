@@ -161,6 +161,28 @@ def test_no_two_modules_import_each_other():
     assert len(list(TopologicalSorter(imports()).static_order())) == len(MODULES)
 
 
+def loaded_at_once(name):
+    """Libraries, or rooms of them, that a module names outside its functions."""
+    for node in ast.parse(MODULES[name].read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_what_is_slow_to_load_is_loaded_where_it_is_used():
+    """Each takes some tenths of a second of every process; an example is a program that needs what it names."""
+    slow = ("matplotlib", "pandas", "scipy.signal", "scipy.stats")
+    found = [
+        f"{name} loads {library}"
+        for name in MODULES
+        if not name.startswith("baryscope.scripts.examples.")
+        for library in loaded_at_once(name)
+        if any(f"{library}.".startswith(f"{one}.") for one in slow)
+    ]
+    assert found == []
+
+
 MEASURING = ("baryscope.study.", "baryscope.scripts.benchmarks.")
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from baryscope import __version__
 from baryscope.fmu.generate.wasm import wasm_module
@@ -47,7 +47,7 @@ def chains_data(scenarios: Sequence[Scenario], first: str, tell: Tell | None = N
         if other.forces != widest.forces:
             raise InputError(f"{other.name}: has other forces than {widest.name}, expected the same in all scenarios")
     degrees = np.linspace(1.0, 3.0, 41)
-    low, high = (np.sqrt(chi2.ppf(share, degrees)).tolist() for share in (TAIL, 1 - TAIL))
+    low, high = (np.sqrt(chdtri(degrees, share)).tolist() for share in (1 - TAIL, TAIL))
     return {
         "version": __version__,
         "modules": _modules(chain_of(widest), tell),

@@ -5,7 +5,7 @@ from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from baryscope.estimator import FeatureTracks
 from baryscope.estimator.joint import Method, joint
@@ -75,7 +75,7 @@ def _row(names: tuple[str, str, str], group: list[Line]) -> tuple[str, ...]:
     if not answers:
         return (*names, "0", *["-"] * 10)
     nees = np.array([line["nees"] for line in answers])
-    low, high = chi2.ppf([0.025, 0.975], 3 * len(answers)) / len(answers)
+    low, high = chdtri(3 * len(answers), [0.975, 0.025]) / len(answers)
     axes = [line for line in answers if "axis_nees" in line]
     turned = np.rad2deg(np.sqrt(np.mean([line["axis_error"] ** 2 for line in axes]))) if axes else None
     return (
@@ -86,7 +86,7 @@ def _row(names: tuple[str, str, str], group: list[Line]) -> tuple[str, ...]:
         f"{nees.mean():.2f}",
         f"{low:.2f}–{high:.2f}",
         f"{np.median(nees):.2f}",
-        f"{100 * np.mean(nees > chi2.ppf(1 - FAR, 3)):.1f} %",
+        f"{100 * np.mean(nees > chdtri(3, FAR)):.1f} %",
         str(sum(line["hinge"] for line in answers)),
         "-" if turned is None else f"{turned:.2f}",
         "-" if not axes else f"{np.mean([line['axis_nees'] for line in axes]):.2f}",

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
@@ -75,6 +74,8 @@ MOTIONS: dict[str, Callable[[np.random.Generator], Motion]] = {"circles": circle
 
 def lasting(rng: np.random.Generator, shape: tuple[int, ...], seconds: float) -> FloatArray:
     """Noise of first order along the first axis, of the variance 1."""
+    from scipy.signal import lfilter  # slow to load, and hinges without noise in time do without
+
     memory = np.exp(-STEP / seconds)
     before = round(20 * seconds / STEP)
     white = rng.normal(size=(shape[0] + before, *shape[1:])) * np.sqrt(1 - memory**2)
@@ -83,6 +84,8 @@ def lasting(rng: np.random.Generator, shape: tuple[int, ...], seconds: float) ->
 
 def ringing(rng: np.random.Generator) -> FloatArray:
     """Noise of second order (n, 3) that oscillates at RINGING, of the variance 1."""
+    from scipy.signal import lfilter  # slow to load, and other noise does without
+
     turn = 2 * np.pi * RINGING * STEP
     size = np.exp(-DAMPING * turn)
     middle = 2 * size * np.cos(turn * np.sqrt(1 - DAMPING**2))

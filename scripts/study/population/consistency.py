@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 FloatArray = NDArray[np.float64]
 
@@ -11,7 +11,7 @@ CHANCE = 0.001  # share of true claims that pass for wrong ones
 
 def limit(count: int) -> float:
     """The NEES of so many quantities above which a claim is wrong."""
-    return float(chi2.ppf(1 - CHANCE, count))
+    return float(chdtri(count, CHANCE))
 
 
 WRONG = limit(3)  # of a position

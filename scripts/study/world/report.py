@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from baryscope.study.population.running import Line
 from baryscope.table import Table
@@ -22,7 +22,7 @@ def table(lines: Sequence[Line]) -> Table:
 
 def band(draws: int) -> tuple[float, float]:
     """Where the mean NEES of so many draws lies in 95 % of all suites if the covariances are true."""
-    low, high = chi2.ppf([0.025, 0.975], 3 * draws) / draws
+    low, high = chdtri(3 * draws, [0.975, 0.025]) / draws
     return float(low), float(high)
 
 
