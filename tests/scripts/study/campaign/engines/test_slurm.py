@@ -52,7 +52,8 @@ def slurm(tmp_path):
             "HOME": str(home),
             "PATH": path,
             "OPENBLAS_NUM_THREADS": "1",
-            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1s",
+            "DASK_DISTRIBUTED__ADAPTIVE__INTERVAL": "500ms",
+            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "100ms",
         },
     )
     for file in tmp_path.glob("job*.pid"):
