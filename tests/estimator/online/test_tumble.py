@@ -107,7 +107,7 @@ def judged(draws, seed, every, end, ahead):
     return {name: np.array(values) for name, values in found.items()}
 
 
-@pytest.mark.parametrize("torque", [0.0, 3e-9, 3e-8])
+@pytest.mark.parametrize("torque", [0.0, 3e-8])
 def test_white_torque_does_not_make_the_tumble_claim_too_much(torque):
     """Five densities a thousand times apart had it: with 3e-8 the points' NEES was 15 times what it should be."""
     found = judged(tumbling(1, DRAWS, 300, torque=torque), 2, 1, 240, 60)
