@@ -28,8 +28,8 @@ from baryscope.estimator.progress import Rounds
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 25  # of steps and new weights: what has not converged then says so
-# After so many, residuals of so many times the variance with free attitudes are those of no tumble: as in a hand, where
-# a torque that changes the rate many times over is followed in ever shorter steps.
+# After so many, squares of so many times those with free attitudes are of no tumble: as in a hand, where a torque that
+# changes the rate many times over is followed in ever shorter steps.
 PATIENCE, HOPELESS = 8, 300.0
 DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
 MOST_DAMPING, STRONGER, WEAKER = 1e10, 10.0, 30.0  # after a step uphill it is so many times stronger, else weaker
@@ -58,8 +58,9 @@ class State:
 class Problem:
     """What an iteration does not change: times (n,), path and priors.
 
-    floor: least variance of an observation; lasting: how many frames have the same errors of the features; stereo:
-    the noise of a stereo rig, if the covariances are its at the measured points.
+    floor: least variance of an observation; lasting: how many frames have the same errors of the features;
+    free_variance: of an observation, from the residuals with free attitudes; stereo: the noise of a stereo rig, if the
+    covariances are its at the measured points.
     """
 
     time: FloatArray
@@ -70,6 +71,7 @@ class Problem:
     priors: Priors
     floor: float
     lasting: float
+    free_variance: float
     stereo: StereoNoise | None
 
     @cached_property
@@ -170,7 +172,7 @@ def iterated(problem: Problem, start: Iterate, done: Rounds) -> Iterate:
     hope.
     """
     at, damping = start, DAMPING
-    while not at.converged and at.rounds < MAX_ROUNDS and not _is_hopeless(at, start.variance):
+    while not at.converged and at.rounds < MAX_ROUNDS and not _is_hopeless(problem, at):
         done.did(STAGE)
         model = _QuadraticModel.of(problem, at)
         step = _step_downhill(problem, at, model, damping)
@@ -181,10 +183,10 @@ def iterated(problem: Problem, start: Iterate, done: Rounds) -> Iterate:
     return at
 
 
-def _is_hopeless(at: Iterate, variance: float) -> bool:
-    """Whether an iterate is still so far off, for the variance of an observation, that it leads to no tumble."""
+def _is_hopeless(problem: Problem, at: Iterate) -> bool:
+    """Whether an iterate is still so far from what free attitudes leave that it leads to no tumble."""
     seen = 3 * float(np.minimum(at.observations.weight, 1.0).sum())
-    return at.rounds >= PATIENCE and at.equations.cost > HOPELESS * variance * seen
+    return at.rounds >= PATIENCE and at.equations.cost > HOPELESS * problem.free_variance * seen
 
 
 def _step_downhill(problem: Problem, at: Iterate, model: _QuadraticModel, damping: float) -> _Step | None:

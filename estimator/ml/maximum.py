@@ -80,7 +80,6 @@ class _Given:
         time, x = self.tracks.time, _resized(self.pivot.solution.x, path)
         priors = Priors.of(rotation, path, sampled.itself, x, self.density)
         blocks = Blocks.over(time, _block_length(rotation, path))
-        lasting = self.pivot.lasting
         return Problem(
             time=time,
             path=path,
@@ -89,7 +88,8 @@ class _Given:
             noise=self.noise,
             priors=priors,
             floor=self.floor,
-            lasting=lasting,
+            lasting=self.pivot.lasting,
+            free_variance=max(self.pivot.residual_variance, self.floor),
             stereo=self.stereo,
         )
 

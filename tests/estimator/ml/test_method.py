@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.ml import iteration
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Status
@@ -223,3 +224,17 @@ def test_a_path_that_free_attitudes_hardly_tell_has_the_modes_of_noise_that_a_tu
     for k in (0, len(case.time) // 2, -1):
         error = found.position[k] - case.path[k]
         assert error @ np.linalg.solve(found.covariance[k], error) < chi2.ppf(0.999, 3)
+
+
+def test_a_motion_in_a_hand_is_given_up_soon(monkeypatch):
+    """Turned to and fro about three axes, by no torque that lasts: 25 rounds led nowhere."""
+    rounds, step = [], iteration._step_downhill
+    monkeypatch.setattr(iteration, "_step_downhill", lambda *args: rounds.append(args) or step(*args))
+    time = np.linspace(0.0, 20.0, 80)
+    vectors = 2.0 * np.sin(2 * np.pi * time[:, None] * [0.05, 0.07, 0.11])
+    com, points = np.tile([0.0, -3.0, 0.5], (80, 1)), box_features(5, (0.4, 0.3, 0.2), seed=3)
+    case = make_case(time, Rotation.from_rotvec(vectors).as_matrix(), com, points, noise=0.0005, seed=1)
+    found = estimate(case.tracks, method="ml")
+    assert any(isinstance(one, FreeAttitudes) for one in found.findings)
+    assert len(rounds) == iteration.PATIENCE
+    assert np.linalg.norm(found.position - com, axis=1).max() < 0.002
