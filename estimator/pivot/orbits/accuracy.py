@@ -105,21 +105,18 @@ class _Doubt:
     def of_untold(cls, path: ProcessNoisePath, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
         """The doubt of the first of some shares of a force's deviations that the tracks do not exclude, if one is.
 
-        If the answer rests on it, they must not exclude it for a smaller one either. Of components that they exclude to
-        be as great as is likely there may as well be nothing.
+        Of components that they exclude to be as great as is likely there may as well be nothing.
         """
-        share = next((one for one in shares if beside.excess(one) < DECISIVE), None)
+        share = beside.first_possible(shares)
         if share is None:
             return None
-        if beside.matters(share):
-            excesses = [beside.excess(one) for one in shares]
-            best = min(0.0, *excesses)
-            share = next(one for one, excess in zip(shares, excesses, strict=True) if excess - best < DECISIVE)
-        small, own = np.broadcast_to(share, beside.variances.shape) < 1, beside.of_share(share)
-        likely = beside.excess(share) < beside.excess(np.where(small, NEGLIGIBLE, share))
+        own, rests = beside.of_share(share), beside.matters(share)
         doubt = cls.of(path, own, float(own.force.deviations.max()), told=False)
-        part = replace(doubt.part, doubtful=np.flatnonzero(small), likely=likely)
-        return replace(doubt, part=part, rests=beside.matters(share))
+        small = np.broadcast_to(share, beside.variances.shape) < 1
+        if not (rests and small.any()):
+            return replace(doubt, rests=rests)
+        likely = beside.excess(share) < beside.excess(np.where(small, NEGLIGIBLE, share))
+        return replace(doubt, part=replace(doubt.part, doubtful=np.flatnonzero(small), likely=likely))
 
 
 def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> tuple[_Doubt, ...]:
@@ -181,14 +178,26 @@ class _Beside:
         force = replace(self.force, deviations=share * self.force.deviations)
         return replace(self, force=force, variances=np.square(share) * self.variances)
 
+    def first_possible(self, shares: Sequence[Share]) -> Share | None:
+        """The first of some shares that the tracks do not exclude, None if they exclude all.
+
+        If the answer rests on it, they must not exclude it for another one either.
+        """
+        share = next((one for one in shares if self.excess(one) < DECISIVE), None)
+        if share is None or not self.matters(share):
+            return share
+        excesses = [self.excess(one) for one in shares]
+        best = min(0.0, *excesses)
+        return next(one for one, excess in zip(shares, excesses, strict=True) if excess - best < DECISIVE)
+
     def excess(self, share: Share) -> float:
         """By how much −2 ln of the marginal likelihood is more with a share of its deviations than without it."""
         return self._evidence(share) - self._without
 
     def matters(self, share: Share) -> bool:
         """Whether the claim is much wider with a share of its deviations, at any frame in any direction."""
-        own, wider = self._claimed(NEGLIGIBLE), self._claimed(share)
-        return bool(np.linalg.eigvals(np.linalg.solve(own, wider)).real.max() >= RESTS**2)
+        ratios = np.linalg.eigvals(np.linalg.solve(self._own_claim, self._claimed(share)))
+        return bool(ratios.real.max() >= RESTS**2)
 
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """What the solution leaves out of the force: the mean (c, c) of the products of its unknowns, m², and what the
@@ -203,6 +212,10 @@ class _Beside:
     @cached_property
     def _without(self) -> float:
         return self._evidence(NEGLIGIBLE)
+
+    @cached_property
+    def _own_claim(self) -> FloatArray:
+        return self._claimed(NEGLIGIBLE)
 
     def _evidence(self, share: Share) -> float:
         """−2 ln of the marginal likelihood for a share of its deviations, up to a constant."""

@@ -374,7 +374,7 @@ def test_from_the_tumble_of_ml_where_passes_do_not_come_to_rest():
 
 
 def test_too_many_features_are_refused_before_anything_else(monkeypatch, sampled):
-    """There, `pivot` without an orbit took a minute for 308 labels, and then there were too many."""
+    """`pivot` was solved first, which takes long where there are many."""
     monkeypatch.setattr(PivotProblem, "of", lambda *_: pytest.fail("pivot is solved"))
     time = sampled[:20]
     com = np.tile([0.0, -20.0, 0.0], (20, 1))

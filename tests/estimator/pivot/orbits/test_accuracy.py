@@ -82,7 +82,7 @@ def test_drag_that_nobody_tells_is_allowed_for():
 @pytest.mark.parametrize("method", ["pivot", "ml"])
 def test_an_error_that_the_tracks_all_but_exclude_moves_the_answer_little(method):
     """A whole orbit tells most of its errors. As an unknown of the size that is just not excluded, these moved the path
-    by 0.95 of what is claimed without.
+    by nearly as much as is claimed without.
     """
     made = world_prepared("J2, one orbit", 1, 7)[0]
     orbit = made.orbit.with_earths_j2()
