@@ -1,12 +1,12 @@
 """The target's orbit as CasADi expressions: elements, ellipse, position and rates, Kepler's equation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import casadi as ca
 
-from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_P
+from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_L, rotation_I_P
 
 PARAMETERS = (
     "orbit.semiMajorAxis",
@@ -18,6 +18,7 @@ PARAMETERS = (
     "orbit.gravitationalParameter",
 )  # names of the elements in the unit, in the order of the table of variables
 ELEMENT_COUNT = len(PARAMETERS)
+CIRCULAR = 1e-9  # an eccentricity, or sine of an inclination, below which the direction it defines is arbitrary
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,12 @@ class Elements:
     def named(cls, parameters: Mapping[str, Symbol]) -> Self:
         """From the unit's parameters, by their names in the table of variables."""
         return cls(*(parameters[name] for name in PARAMETERS))
+
+    @property
+    def column(self) -> Symbol:
+        """The column of `of`."""
+        column: Symbol = ca.vertcat(*(getattr(self, field.name) for field in fields(self)))
+        return column
 
     @property
     def ellipse(self) -> "Ellipse":
@@ -184,6 +191,43 @@ def true_anomaly_after(time: Symbol, elements: Elements) -> Symbol:
     e = elements.eccentricity
     E, turns = eccentric_anomaly_after(time, elements)
     return 2 * ca.atan2(ca.sin(E / 2), ca.sqrt((1 - e) / (1 + e)) * ca.cos(E / 2)) + 2 * ca.pi * turns
+
+
+def position_and_velocity(time: Symbol, elements: Elements) -> Symbol:
+    """[r; v] (6,) from the centre in I, m and m/s; t in s from the epoch of the elements."""
+    anomaly = true_anomaly_after(time, elements)
+    here, R_I_L = conic(elements.ellipse, anomaly), rotation_I_L(elements.R_I_P, anomaly)
+    velocity_L = ca.vertcat(here.radial_rate, here.radius * here.anomaly_rate, 0)
+    return ca.vertcat(here.radius * R_I_L[:, 0], R_I_L @ velocity_L)
+
+
+def osculating(state: Symbol, mu: Symbol) -> Elements:
+    """The elements of the ellipse through [r; v] (6,) in I, m and m/s, there and then (Vallado 2013, algorithm 9).
+
+    The periapsis of a circular orbit is its ascending node, and the node of an equatorial one the x axis.
+    """
+    r, v = state[:3], state[3:]
+    distance, normal = ca.norm_2(r), ca.cross(r, v)
+    momentum = ca.norm_2(normal)
+    normal = normal / momentum
+    towards = ca.cross(v, normal * momentum) / mu - r / distance  # the periapsis, e long
+    sine = ca.norm_2(normal[:2])
+    raan = ca.if_else(sine > CIRCULAR, ca.atan2(normal[0], -normal[1]), 0)
+    node = ca.vertcat(ca.cos(raan), ca.sin(raan), 0)
+    across = ca.cross(normal, node)
+    x, y = ca.dot(towards, node), ca.dot(towards, across)
+    e = ca.hypot(x, y)
+    round_ = e < CIRCULAR
+    periapsis = ca.if_else(round_, 0, ca.atan2(y, x))
+    return Elements(
+        semi_major_axis=1 / (2 / distance - ca.dot(v, v) / mu),
+        eccentricity=ca.if_else(round_, 0, e),
+        inclination=ca.atan2(sine, normal[2]),
+        raan=raan,
+        argument_of_periapsis=periapsis,
+        true_anomaly=ca.atan2(ca.dot(r, across), ca.dot(r, node)) - periapsis,
+        gravitational_parameter=mu,
+    )
 
 
 def whole_turns(angle: Symbol) -> tuple[Symbol, Symbol]:

@@ -21,7 +21,7 @@ from baryscope.models.attitude import (
     symmetric_inverse,
 )
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.ephemeris.dormand_prince import step
+from baryscope.models.ephemeris.runge_kutta import step_of_order_8
 from baryscope.models.frames import quaternion_product, quaternion_rate, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 
@@ -51,7 +51,7 @@ def rate_columns(gravity_gradient: bool) -> ColumnFunction:
 def step_columns(gravity_gradient: bool) -> ColumnFunction:
     """The function (x, size, constants) → x after a step without a further torque; x is (q, ω, true anomaly)."""
     x, h, c = _symbols(gravity_gradient)
-    return ColumnFunction("step", [x, h, c], step(lambda here, _: _rates(here, c, gravity_gradient), x, h))
+    return ColumnFunction("step", [x, h, c], step_of_order_8(lambda here, _: _rates(here, c, gravity_gradient), x, h))
 
 
 @cache
@@ -79,7 +79,7 @@ def _advance(gravity_gradient: bool, forced: bool) -> ca.Function:
         return found + _interpolated(f, fraction) if forced else found
 
     inputs = [state, h, f, c] if forced else [state, h, c]
-    return ca.Function("advance", inputs, [step(rates, state, h)], {"cse": True})
+    return ca.Function("advance", inputs, [step_of_order_8(rates, state, h)], {"cse": True})
 
 
 @cache
@@ -95,7 +95,7 @@ def turn_of_step(forced: bool) -> ColumnFunction:
         own = _rate_alone(rate, c)
         return ca.vertcat(quaternion_rate(q, rate), own + _interpolated(f, fraction) if forced else own)
 
-    after = step(rates, ca.vertcat(1, 0, 0, 0, w), h)
+    after = step_of_order_8(rates, ca.vertcat(1, 0, 0, 0, w), h)
     return ColumnFunction("turn", [w, h, f, c] if forced else [w, h, c], after[:4])
 
 
@@ -141,7 +141,7 @@ def _jacobian(linear: Iterable[Any], own: Iterable[Any], forcing: Callable[[floa
         at_stage, more = next(stages)
         return at_stage @ jacobian + more + forcing(fraction)
 
-    return step(rate, start, h)
+    return step_of_order_8(rate, start, h)
 
 
 def _start(forced: bool) -> FloatArray:
@@ -187,7 +187,7 @@ def _stages(gravity_gradient: bool, forced: bool) -> tuple[list[ca.SX], ca.SX]:
         own = _rates(state, c, gravity_gradient)
         return own + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else own
 
-    step(rates, x, h)
+    step_of_order_8(rates, x, h)
     return [x, h, f, c] if forced else [x, h, c], ca.horzcat(*found)
 
 

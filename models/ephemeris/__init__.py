@@ -2,7 +2,7 @@
 
 `target_states` of `trajectory` gives position and velocity on any orbit. `orbit_of_message` recognises a file's form:
 two-line elements (TLE) and orbit mean-elements messages (OMM) are propagated by SGP4, orbit ephemeris messages (OEM)
-are interpolated. The forms are those of CCSDS 502.0-B. `dormand_prince` integrates orbits, and rotations elsewhere.
+are interpolated. The forms are those of CCSDS 502.0-B. `runge_kutta` integrates orbits, and rotations elsewhere.
 """
 
 from baryscope.models.ephemeris.elements import elements_of

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
-from baryscope.models.ephemeris.dormand_prince import step
 from baryscope.models.ephemeris.elements import elements_of
+from baryscope.models.ephemeris.runge_kutta import step_of_order_8
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.forces import point_mass_gravity, zonal_gravity, zonal_strength
-from baryscope.models.frames import Symbol, rotation_I_L
-from baryscope.models.keplerian import Elements, conic, true_anomaly_after
+from baryscope.models.frames import Symbol
+from baryscope.models.keplerian import Elements, position_and_velocity
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +89,8 @@ def _body(orbit: Orbit) -> list[float]:
     return [orbit.gravitational_parameter, orbit.j2 or 0.0, orbit.equatorial_radius or 0.0]
 
 
-def _gravity(position: Pair, body: Symbol, oblate: bool) -> Pair:
+def gravity(position: Pair, body: Symbol, *, oblate: bool) -> Pair:
+    """Acceleration at two positions from the centre in I (m; base and excess), m/s²; body: (μ, J₂, R) (3,), SI."""
     mu, j2, radius = ca.vertsplit(body)
     central = point_mass_gravity(position, mu)
     return central + zonal_gravity(position, zonal_strength(mu, j2, radius)) if oblate else central
@@ -99,10 +100,7 @@ def _gravity(position: Pair, body: Symbol, oblate: bool) -> Pair:
 def _kepler_function() -> ColumnFunction:
     """(time, elements) → state."""
     time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
-    anomaly = true_anomaly_after(time, elements)
-    here, R_I_L = conic(elements.ellipse, anomaly), rotation_I_L(elements.R_I_P, anomaly)
-    velocity_L = ca.vertcat(here.radial_rate, here.radius * here.anomaly_rate, 0)
-    return ColumnFunction("kepler", [time, column], ca.vertcat(here.radius * R_I_L[:, 0], R_I_L @ velocity_L))
+    return ColumnFunction("kepler", [time, column], position_and_velocity(time, elements))
 
 
 @cache
@@ -116,12 +114,13 @@ def _gradient_function(oblate: bool) -> ColumnFunction:
 def _difference_function(oblate: bool) -> ColumnFunction:
     """(position, offset, (μ, J₂, R)) → g(r + offset) − g(r)."""
     position, offset, body = ca.SX.sym("position", 3), ca.SX.sym("offset", 3), ca.SX.sym("body", 3)
-    return ColumnFunction("difference", [position, offset, body], _gravity(Pair(position, offset), body, oblate).excess)
+    more = gravity(Pair(position, offset), body, oblate=oblate).excess
+    return ColumnFunction("difference", [position, offset, body], more)
 
 
 def _field(position: Symbol, body: Symbol, oblate: bool) -> Symbol:
     """g(r), m/s²."""
-    return _gravity(Pair(position, ca.SX.zeros(3)), body, oblate).base
+    return gravity(Pair(position, ca.SX.zeros(3)), body, oblate=oblate).base
 
 
 @cache
@@ -138,7 +137,7 @@ def _advance() -> ca.Function:
     def rates(here: Symbol, _: float) -> Symbol:
         return ca.vertcat(here[3:], _field(here[:3], body, True))
 
-    return ca.Function("advance", [state, body, h], [step(rates, state, h)], {"cse": True}).mapaccum(CHUNK)
+    return ca.Function("advance", [state, body, h], [step_of_order_8(rates, state, h)], {"cse": True}).mapaccum(CHUNK)
 
 
 def _oblate_states(orbit: Orbit, time: FloatArray) -> FloatArray:
