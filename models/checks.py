@@ -107,7 +107,7 @@ def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
         *_feature_checks(parameters),
         *orbit_checks(Elements.named(parameters)),
         *_other_checks(parameters),
-        *_force_checks(parameters),
+        *force_checks(parameters),
     )
 
 
@@ -223,7 +223,7 @@ def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     )
 
 
-def _force_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+def force_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     """The conditions on the parameters of those forces that the unit has."""
     above_zero = {
         "orbit.equatorialRadius": ("orbit.equatorial_radius", "m"),

@@ -28,6 +28,7 @@ __all__ = [
     "SPEED",
     "THRUST",
     "Options",
+    "Orbit",
     "Result",
     "State",
     "Thrust",
@@ -55,6 +56,16 @@ class Result(IntEnum):
     TOO_MANY = 6
     NO_SUCH = 7
     TOO_LATE = 8
+    TOO_FAR = 9
+
+
+class Orbit(ctypes.Structure):
+    """`OnlineOrbit` of online.h."""
+
+    _fields_ = (
+        ("elements", _double * ELEMENT_COUNT),
+        *((name, _double) for name in ("j2", "equatorial_radius", "epoch")),
+    )
 
 
 class Options(ctypes.Structure):
@@ -65,7 +76,7 @@ class Options(ctypes.Structure):
             (name, _double)
             for name in ("sigma", "offset", "speed", "attitude_noise", "thrust", "longest_gap", "on_orbit")
         ),
-        ("elements", _double * ELEMENT_COUNT),
+        ("orbit", Orbit),
     )
 
 

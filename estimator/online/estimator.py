@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import elements_of
-from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
+from baryscope.estimator.limits import COARSEST, FARTHEST, FARTHEST_UNDER_J2, FINEST, LATEST
 from baryscope.estimator.online import core
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
 from baryscope.models.arguments import array_of, number_within
@@ -36,6 +36,8 @@ REFUSED = {
     Result.BAD_COVARIANCE: f"covariance: found one that is not symmetric positive definite, or beyond {COARSEST:g} m",
     Result.BAD_NAME: "names: found the same twice, expected each feature once",
     Result.TOO_LATE: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last one",
+    Result.TOO_FAR: f"time: found {{time!r}} s, expected one within {FARTHEST_UNDER_J2:g} s of the last frame, the "
+    "first one of time 0 of the orbit: farther J2 is not followed",
 }
 
 
@@ -135,8 +137,9 @@ class OnlineEstimator:
 
     Args:
         sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
-        orbit: the target's; None: the centre of mass moves in a straight line, but for white acceleration, or an
-            acceleration that wanders, which is estimated. With the orbit of a target that has one it is better known.
+        orbit: the target's, by its elements at time 0 and its J2; an ephemeris does not count. None: the centre of mass
+            moves in a straight line, but for white acceleration, or an acceleration that wanders, which is estimated.
+            With the orbit of a target that has one it is better known.
         offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
             axis, in units of these features' rms distance from it.
         speed_std: of its velocity before the first frame, per axis, m/s.
@@ -162,8 +165,6 @@ class OnlineEstimator:
         thrust_std: float = core.THRUST,
         longest_gap: float = LONGEST_GAP,
     ) -> None:
-        if orbit is not None and (orbit.j2 or orbit.ephemeris is not None):
-            raise InputError("orbit: found one with J2 or an ephemeris, expected Keplerian elements alone")
         settings = Options(
             _within("sigma", sigma, FINEST, COARSEST, "m"),
             _within("offset_radii", offset_radii, 0.1, 1e3, "radii"),
@@ -172,7 +173,7 @@ class OnlineEstimator:
             _within("thrust_std", thrust_std, 0.0, 1.0, "of the acceleration"),
             _within("longest_gap", longest_gap, FINEST, LATEST, "s"),
             float(orbit is not None),
-            (ctypes.c_double * ELEMENT_COUNT)(*(() if orbit is None else orbit.elements)),
+            core.Orbit() if orbit is None else _orbit(orbit),
         )
         self._library = library()
         self._memory = ctypes.create_string_buffer(self._library.online_size())
@@ -246,8 +247,10 @@ class OnlineEstimator:
         """
         found = State()
         push, result = ctypes.byref(_thrust(acceleration)), ctypes.byref(found)
-        if _is_too_late(time) or self._library.online_predict(self._memory, time, push, result):
-            raise _not_to_be_predicted(time)
+        late = _is_too_late(time)
+        answer = Result.BAD_TIME if late else self._library.online_predict(self._memory, time, push, result)
+        if answer != Result.ACCEPTED:
+            raise _not_to_be_predicted(time, Result(answer))
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
         thrust, of_thrust = np.array(found.thrust), np.array(found.of_thrust).reshape(4, 4)
@@ -289,8 +292,8 @@ class OnlineEstimator:
         result = self._library.online_point(
             self._memory, time, ctypes.byref(push), name, _numbers(position), _numbers(covariance)
         )
-        if result == Result.BAD_TIME:
-            raise _not_to_be_predicted(time)
+        if result in (Result.BAD_TIME, Result.TOO_FAR):
+            raise _not_to_be_predicted(time, Result(result))
         return (position, covariance) if result == Result.ACCEPTED else None
 
     def features(self) -> OnlineFeatures:
@@ -327,6 +330,11 @@ class OnlineEstimator:
         return made
 
 
+def _orbit(orbit: Orbit) -> core.Orbit:
+    elements = (ctypes.c_double * ELEMENT_COUNT)(*orbit.elements)
+    return core.Orbit(elements, orbit.j2 or 0.0, orbit.equatorial_radius or 0.0, 0.0)
+
+
 def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
     return number_within(name, value, low, high, f"{low:g} to {high:g} {unit}")
 
@@ -335,7 +343,9 @@ def _is_too_late(time: float) -> bool:
     return not time <= LATEST
 
 
-def _not_to_be_predicted(time: float) -> InputError:
+def _not_to_be_predicted(time: float, result: Result = Result.BAD_TIME) -> InputError:
+    if result is Result.TOO_FAR:
+        return InputError(REFUSED[result].format(time=time))
     return InputError(f"time: found {time!r} s, expected one that is not before the last frame, up to {LATEST:g} s")
 
 

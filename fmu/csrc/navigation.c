@@ -19,7 +19,7 @@ static void displacement_by(const OnlineOptions *options, double begin, double e
     const double T = (end - begin) / count;
     for (int s = 0; s < count; s++) {
         double F[6][6], x[6] = {0.0}, start = begin + s * T;
-        propagate(options, start, s + 1 < count ? start + T : end, x, F);
+        go_plainly(options, start, s + 1 < count ? start + T : end, x, F);
         displace(T, F, a, moved);
     }
 }
@@ -84,7 +84,7 @@ static void remember(Model *model, const double *values, const double command[3]
     memset(now->moved, 0, sizeof now->moved);
     for (int half = 0; half < 2; half++) {
         double acceleration[3];
-        const double *arguments[] = {&moments[half], values + AT_ORBIT, command};
+        const double *arguments[] = {&moments[half], model->filter.options.orbit.elements, command};
         double *results[] = {acceleration};
         if (values[AT_ON_ORBIT] != 0.0)
             unit_push(arguments, results, NULL, NULL, 0);
@@ -355,8 +355,8 @@ static void model_start(Model *model, double *values, double time)
 {
     OnlineOptions *options = &model->filter.options;
     *options = (OnlineOptions){values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
-                               values[AT_THRUST], INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
-    memcpy(options->elements, values + AT_ORBIT, sizeof options->elements);
+                               values[AT_THRUST], INFINITY, values[AT_ON_ORBIT], {{0.0}, values[AT_J2], values[AT_EQUATORIAL_RADIUS], 0.0}}; /* the end of the step bounds the time of a sample */
+    memcpy(options->orbit.elements, values + AT_ORBIT, sizeof options->orbit.elements);
     model->started = time;
     model->attitude[0] = 1.0;
     model->count = 1;
@@ -371,7 +371,7 @@ static bool model_step(Model *model, double *values, double time, double next, c
     remember(model, values, command_of(model, values, time, message), time - model->started, next - model->started);
     if (is_due(model, values, next, message) && !take_sample(model, values, message))
         tell(model, UNUSABLE, message, "the sample at %.17g s is not within %g m in frame C and %g s: not taken",
-             values[AT_SAMPLE_TIME], FARTHEST, LATEST);
+             values[AT_SAMPLE_TIME], FARTHEST, is_oblate(&model->filter.options) ? FARTHEST_UNDER_J2 : LATEST);
     if (write_outputs(model, values, next - model->started)) return true;
     tell(model, NO_STATE, message, "the filter has no finite state at %.17g s: it begins again", next);
     begin_again(model, values, next - model->started);

@@ -26,6 +26,7 @@ from baryscope.fmu.units.filter import (
 )
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
+from baryscope.models.orbit import EARTH_RADIUS
 from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.navigation import NavigationSystem, navigation_system, navigation_table
 from baryscope.models.variables import Variable
@@ -109,7 +110,11 @@ def _starts(scenario: Scenario, system: NavigationSystem) -> dict[str, FloatArra
         "onOrbit": 1.0,
     }
     orbit: dict[str, ArrayLike] = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
-    return starts_of(system.variables, given | orbit)
+    oblateness: dict[str, ArrayLike] = {
+        "orbit.j2": scenario.orbit.j2 or 0.0,
+        "orbit.equatorialRadius": scenario.orbit.equatorial_radius or EARTH_RADIUS,
+    }
+    return starts_of(system.variables, given | orbit | oblateness)
 
 
 _PLACES = {
@@ -128,6 +133,8 @@ _PLACES = {
     "AT_THRUST": "filter.thrust",
     "AT_ON_ORBIT": "onOrbit",
     "AT_ORBIT": PARAMETERS[0],
+    "AT_J2": "orbit.j2",
+    "AT_EQUATORIAL_RADIUS": "orbit.equatorialRadius",
     "AT_HORIZON": "prediction.horizon",
     "AT_TARGET_POSITION": "target.position[1]",
     "AT_TARGET_VELOCITY": "target.velocity[1]",

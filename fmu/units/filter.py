@@ -9,6 +9,7 @@ from functools import cache
 import casadi as ca
 
 from baryscope.models.attitude import INERTIA_BASIS, tumble_step
+from baryscope.models.ephemeris.oblate_step import oblate_functions
 from baryscope.models.lvlh import gravity_gradient_function
 from baryscope.models.relative_orbit import step_in_chaser_axes
 
@@ -19,8 +20,9 @@ THRUST = 0.02  # 2 % of the command and 1.1° of its direction, as of thrusters 
 
 @cache
 def filter_functions() -> tuple[ca.Function, ...]:
-    """The steps of the relative orbit and of the tumble, free or not, and the axis of the gravity gradient."""
-    return step_in_chaser_axes(), tumble_step(True), tumble_step(False), gravity_gradient_function()
+    """The steps of the relative orbit and of the tumble, free or not, the axis of the gravity gradient, and J2."""
+    steps = step_in_chaser_axes(), tumble_step(True), tumble_step(False)
+    return *steps, gravity_gradient_function(), *oblate_functions()
 
 
 def work_of(functions: Sequence[ca.Function]) -> dict[str, int]:

@@ -11,16 +11,18 @@ from math import inf
 
 import casadi as ca
 
-from baryscope.models.checks import Check, CheckSet, orbit_checks
+from baryscope.models.checks import Check, CheckSet, force_checks, orbit_checks
 from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
 from baryscope.models.variables import (
     AXES,
     CAMERA,
+    FORCE_PARAMETERS,
     LVLH,
     NOT_NEGATIVE,
     THRUSTERS,
     UPPER,
+    Force,
     Kind,
     Variable,
     variable_table,
@@ -124,6 +126,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         ),
         Variable("onOrbit", PAR, "1", "Whether the target is on the orbit below, else free", boolean=True),
         *(orbit[name] for name in PARAMETERS),
+        *FORCE_PARAMETERS[Force.J2],
         Variable(
             "prediction.horizon", PAR, "s", "How far ahead predicted.position is, without thrust", tunable=True,
             limits=(0.0, FARTHEST_AHEAD),
@@ -187,5 +190,6 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
         positive("filter.speed", " m/s"),
         check("filter.thrust", "0 to 1", ca.logic_and(thrust >= 0, thrust <= 1)),
         *orbit_checks(Elements.named(given)),
+        *force_checks(given),
         check("prediction.horizon", f"0 to {FARTHEST_AHEAD:g} s", ca.logic_and(ahead >= 0, ahead <= FARTHEST_AHEAD)),
     )

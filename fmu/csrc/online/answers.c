@@ -52,6 +52,7 @@ static OnlineStatus status_of(const Online *filter, const Posterior *posterior, 
 /* What is known, on its way from the filter's time to later ones: r, v, and what the bank says. */
 typedef struct {
     double time, x[6];
+    OnlineOrbit orbit;
     Posterior posterior;
 } Ahead;
 
@@ -59,6 +60,7 @@ typedef struct {
 static void start_ahead(const Online *filter, Ahead *ahead) {
     find_posterior(filter, &ahead->posterior);
     ahead->time = filter->time;
+    ahead->orbit = filter->options.orbit;
     for (int i = 0; i < 6; i++) ahead->x[i] = filter->x[i];
 }
 
@@ -72,7 +74,7 @@ static void go_ahead(const Online *filter, Ahead *ahead, double end, const Manoe
         const int last = s + 1 == count;
         double T = (end - ahead->time) / count, from = ahead->time + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, &now, ahead->x, &ahead->posterior, &transition);
+        step_on(filter, &ahead->orbit, from, last ? end : from + T, &now, ahead->x, &ahead->posterior, &transition);
     }
     ahead->time = end;
 }
@@ -140,6 +142,7 @@ static int is_thrust(const OnlineThrust *thrust) {
 
 int online_predict(const Online *filter, double time, const OnlineThrust *thrust, OnlineState *state) {
     if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
+    if (is_too_far(&filter->options, time)) return TOO_FAR;
     if (!is_thrust(thrust)) return BAD_ACCELERATION;
     Ahead ahead;
     if (filter->frames == 0.0) {
@@ -203,6 +206,7 @@ int online_point(const Online *filter, double time, const OnlineThrust *thrust, 
     OnlineTumble tumble;
     int slot = slot_of(filter, name);
     if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
+    if (is_too_far(&filter->options, time)) return TOO_FAR;
     if (!is_thrust(thrust)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;

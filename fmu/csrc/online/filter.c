@@ -2,34 +2,15 @@
 
 static int size_of(const Online *filter) { return FEATURES + 3 * (int)filter->used; }
 
-/* (r, v) and its transition matrix F from one time to another, without a manoeuvre of the chaser. */
-static void propagate(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
-    if (options->on_orbit != 0.0) {
-        relative_step(begin, end, options->elements, x, F);
-        return;
-    }
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) F[i][j] = i == j;
-    for (int k = 0; k < 3; k++) F[k][3 + k] = end - begin, x[k] += (end - begin) * x[3 + k];
-}
-
 static void start_transition(Transition *transition) {
     *transition = (Transition){0};
-    for (int i = 0; i < 6; i++) transition->F[i][i] = 1.0;
+    unit_transition(transition->F);
 }
 
 /* Count the transition from here. */
 static void start_interval(Online *filter) {
     for (int i = 0; i < 6; i++) filter->from[i] = filter->x[i];
     start_transition(&filter->transition);
-}
-
-static void multiplied(const double A[6][6], const double B[6][6], double C[6][6]) {
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) {
-            C[i][j] = 0.0;
-            for (int k = 0; k < 6; k++) C[i][j] += A[i][k] * B[k][j];
-        }
 }
 
 /* What thrusters are wrong by moves (r, v) so in a transition and another one after it. */
@@ -53,15 +34,6 @@ static void append_transition(Transition *transition, const Transition *by) {
     transition->pushes[1] = before_it[1] + by->pushes[1];
     transition->pushes[2] = before_it[2] + T * before_it[1] + by->pushes[2];
     transition->span += T;
-}
-
-/* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
-static int steps_between(const OnlineOptions *options, double begin, double end) {
-    if (options->on_orbit == 0.0) return 1;
-    double a = options->elements[0], e = options->elements[1];
-    double rate = sqrt(options->elements[6] / (a * a * a)) / ((1.0 - e) * (1.0 - e));
-    double arcs = ceil((end - begin) * rate / 0.05);
-    return arcs < 1.0 ? 1 : arcs > 200.0 ? 200 : (int)arcs;
 }
 
 /* What has moved the chaser, (r, v), goes on by T s and their transition F, and so does what an acceleration a in C, m/s2, adds: it acts in
@@ -131,9 +103,9 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
 }
 
 /* (r, v) and what is known go on by one step of a manoeuvre, whose last one ends with it; the transition is without its step. */
-static void step_on(const Online *filter, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
+static void step_on(const Online *filter, OnlineOrbit *orbit, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
-    propagate(&filter->options, begin, end, x, transition->F);
+    propagate(&filter->options, orbit, begin, end, x, transition->F);
     displace(transition->span, transition->F, manoeuvre->acceleration, manoeuvre->pushed);
     if (end == manoeuvre->end) {
         for (int i = 0; i < 6; i++) manoeuvre->moved[i] += manoeuvre->pushed[i];
@@ -156,7 +128,7 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
+        step_on(filter, &filter->options.orbit, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
         if (filter->manoeuvred != 0.0) advance_curve(filter, &transition, last ? &now : NULL);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) {

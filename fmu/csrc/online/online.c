@@ -139,11 +139,13 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     int sound = 1;
     if (!are_within(LATEST, &time, 1) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (filter->frames > 0.0 && !(time - filter->time <= filter->options.longest_gap)) return TOO_LATE;
+    if (is_too_far(&filter->options, time)) return TOO_FAR;
     predict_attitude(filter, time, &tumble, &predicted);
     int refused = read_frame(filter, predicted.R, count, names, points, covariances, &frame);
     if (refused) return refused;
     if (filter->frames == 0.0) {
         filter->time = time;
+        go_with_orbit(&filter->options, time);
         begin(filter, &frame, NULL);
         return ACCEPTED;
     }

@@ -27,6 +27,9 @@ filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is n
 #define FARTHEST 1e9
 #define LATEST 1e10
 
+/* From one time to another under J2, and from time 0 to the first frame, s: step by step farther would take too long. */
+#define FARTHEST_UNDER_J2 1e7
+
 enum {
     MOST_FEATURES = 32,
     /* Errors of the state, in this order: a node's angular rate, shift and attitude (a rotation vector), all in C, r, v,
@@ -72,8 +75,14 @@ enum {
 typedef enum { WAITING, STARTING, TRACKING, DOUBTFUL, LOST } OnlineStatus;
 
 typedef enum {
-    ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY, NO_SUCH, TOO_LATE
+    ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY, NO_SUCH, TOO_LATE, TOO_FAR
 } OnlineResult;
+
+/* The target's orbit: elements at time 0 of the ellipse that osculates at the epoch, and J2 with the equatorial radius that it refers to, m; 0 of
+   a point mass, of which the ellipse stays. A filter's goes with its time. */
+typedef struct {
+    double elements[N_ELEMENTS], j2, equatorial_radius, epoch;
+} OnlineOrbit;
 
 typedef struct {
     double sigma;          /* standard deviation of a coordinate, m, where a point has no covariance of its own */
@@ -82,8 +91,8 @@ typedef struct {
     double attitude_noise; /* of the camera, rad, per axis and frame */
     double thrust;         /* of the scale of an acceleration, and of its direction, rad per axis; 0: it is exact */
     double longest_gap;    /* from one frame to the next, s: a later one has a wrong time */
-    double on_orbit;       /* 1: on the orbit of the elements; 0: in a straight line */
-    double elements[N_ELEMENTS];
+    double on_orbit;       /* 1: on the orbit; 0: in a straight line */
+    OnlineOrbit orbit;
 } OnlineOptions;
 
 typedef struct {

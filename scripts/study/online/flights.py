@@ -13,6 +13,7 @@ from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.information import Watched, unknowns_bound
 from baryscope.study.population.populations import FIRST, POPULATIONS
+from baryscope.study.world.judging import told_orbit
 from baryscope.study.world.scenes import RATE, logged_thrust, memory, scene
 from baryscope.study.world.worlds import WORLDS, World
 
@@ -28,7 +29,8 @@ OF_POPULATIONS = {
 ANY_WHITE = "white, any density"
 """Each draw's density is one of those that the filter holds possible, as likely as it takes it for."""
 POSSIBLE = (-17.0, -5.25)  # log10 of the densities that those of its bank stand for (fmu/csrc/online/bank.c), m²/s³
-SUITES = (*WORLDS, ANY_WHITE, *OF_POPULATIONS)
+TOLD_J2 = {f"{name}, J2 told": name for name, world in WORLDS.items() if world.j2}
+SUITES = (*WORLDS, *TOLD_J2, ANY_WHITE, *OF_POPULATIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,7 @@ def flight(suite: str, seed: int, draw: int) -> Flight:
 def world_of(name: str, seed: int, draw: int) -> World:
     """The world of a draw, which is the suite's, unless the suite's differ."""
     if name != ANY_WHITE:
-        return WORLDS[name]
+        return WORLDS[TOLD_J2.get(name, name)]
     rng = np.random.default_rng([seed, draw, *name.encode()])
     return replace(WORLDS["white 1e-8"], name=name, white=float(10 ** rng.uniform(*POSSIBLE)))
 
@@ -109,7 +111,7 @@ def _of_world(name: str, seed: int, draw: int) -> Flight:
     return Flight(
         tracks=made.tracks,
         sigma=made.world.noise,
-        orbit=made.orbit,
+        orbit=told_orbit(made) if name in TOLD_J2 else made.orbit,
         attitude_noise=made.world.attitude_noise,
         path=made.path,
         jacobian=jacobian,

@@ -85,19 +85,23 @@ def can_be_told(world: World) -> bool:
 
 
 def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
-    """The orbit with J2, and that it is exact, the logged thrust, and that there is drag or light, where the world has
-    them.
-    """
+    """The orbit, the logged thrust, and that there is drag or light, where the world has them."""
+    world = made.world
+    if made.burns is not None:
+        options = replace(options, acceleration=logged_thrust(made))
+    if world.drag or world.light:
+        options = replace(options, constant_acceleration="drag" if world.drag else "sun")
+    return told_orbit(made), options
+
+
+def told_orbit(made: Scene) -> Orbit | None:
+    """The orbit with J2, and that it is exact, where they are so in the world."""
     orbit, world = made.orbit, made.world
     if orbit is not None and not world.wrong_orbit:
         orbit = replace(orbit, accuracy=0.0)
     if orbit is not None and world.j2:
         orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
-    if made.burns is not None:
-        options = replace(options, acceleration=logged_thrust(made))
-    if world.drag or world.light:
-        options = replace(options, constant_acceleration="drag" if world.drag else "sun")
-    return orbit, options
+    return orbit
 
 
 def _of_smoother(made: Scene) -> Line:

@@ -8,9 +8,9 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from baryscope.estimator.limits import FARTHEST, LATEST
+from baryscope.estimator.limits import FARTHEST, FARTHEST_UNDER_J2, LATEST
 from baryscope.estimator.online import OnlineStatus
-from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Thrust, Tumble, sources
+from baryscope.estimator.online.core import MOST_FEATURES, Options, Orbit, Result, State, Thrust, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
 from baryscope.fmu.generate.compiler import find_compiler
 from baryscope.models.keplerian import ELEMENT_COUNT
@@ -20,6 +20,9 @@ from compiling import ONLY_WHAT_IS_CALLED, compiled, online_core_of
 HEADER = re.sub(
     r"/\*.*?\*/", "", (files("baryscope.fmu") / "csrc" / "online" / "online.h").read_text("utf-8"), flags=re.DOTALL
 )
+
+
+RANGES = {"FARTHEST": FARTHEST, "FARTHEST_UNDER_J2": FARTHEST_UNDER_J2, "LATEST": LATEST}
 
 
 def constant(name):
@@ -33,8 +36,10 @@ def names_of(enumeration):
 def fields_of(struct):
     """The fields in order, each with how many numbers it has."""
     body = re.search(rf"typedef struct {{([^}}]*)}} {struct};", HEADER)[1]
-    declared = re.findall(r"(\w+)((?:\[\w+\])*)(?=[,;])", body.replace("double ", ""))
-    lengths = {"N_ELEMENTS": ELEMENT_COUNT}
+    numbers = re.sub(r"(Online\w+) (\w+)", r"\2[\1]", body.replace("double ", ""))  # structs: arrays of numbers
+    declared = re.findall(r"(\w+)((?:\[\w+\])*)(?=[,;])", numbers)
+    within = {kind: sum(size for _, size in fields_of(kind)) for kind in re.findall(r"Online\w+", body)}
+    lengths = {"N_ELEMENTS": ELEMENT_COUNT} | within
     found = []
     for name, extents in declared:
         size = 1
@@ -50,10 +55,7 @@ def test_lengths():
 
 
 def test_ranges():
-    assert {name: float(re.search(rf"#define {name} (\S+)", HEADER)[1]) for name in ("FARTHEST", "LATEST")} == {
-        "FARTHEST": FARTHEST,
-        "LATEST": LATEST,
-    }
+    assert {name: float(re.search(rf"#define {name} (\S+)", HEADER)[1]) for name in RANGES} == RANGES
 
 
 def test_statuses_have_the_headers_numbers():
@@ -65,12 +67,18 @@ def test_refusals_have_the_headers_numbers():
     """What Python has checked before, or answers by None, has no text here."""
     assert [one.name for one in Result] == names_of("OnlineResult")
     assert [one.value for one in Result] == list(range(len(Result)))
-    assert set(REFUSED) == {Result.BAD_TIME, Result.BAD_COVARIANCE, Result.BAD_NAME, Result.TOO_LATE}
+    assert set(REFUSED) == {Result.BAD_TIME, Result.BAD_COVARIANCE, Result.BAD_NAME, Result.TOO_LATE, Result.TOO_FAR}
 
 
 @pytest.mark.parametrize(
     "kind, struct",
-    [(Options, "OnlineOptions"), (State, "OnlineState"), (Tumble, "OnlineTumble"), (Thrust, "OnlineThrust")],
+    [
+        (Orbit, "OnlineOrbit"),
+        (Options, "OnlineOptions"),
+        (State, "OnlineState"),
+        (Tumble, "OnlineTumble"),
+        (Thrust, "OnlineThrust"),
+    ],
 )
 def test_structs_are_those_of_the_header(kind, struct):
     number = ctypes.sizeof(ctypes.c_double)
@@ -160,11 +168,12 @@ def test_what_is_out_of_range_is_refused_and_what_is_in_it_does_not_overflow(wat
 
 
 FLIGHT = """#include "library.c"
-int main(void)
+static int fly(double j2)
 {
     static Online filter;
-    const OnlineOptions options = {.sigma = 0.01, .offset = 2.0, .speed = 1.0, .thrust = 0.02, .longest_gap = 1e5,
-                                   .on_orbit = 1.0, .elements = {7e6, 0.001, 1.0, 0.5, 0.3, 0.2, 3.986004418e14}};
+    const OnlineOptions options = {
+        .sigma = 0.01, .offset = 2.0, .speed = 1.0, .thrust = 0.02, .longest_gap = 1e5, .on_orbit = 1.0,
+        .orbit = {{7e6, 0.001, 1.0, 0.5, 0.3, 0.2, 3.986004418e14}, .j2 = j2, .equatorial_radius = 6.4e6}};
     const long long names[] = {0, 1, 2, 3, 4};
     const double shape[5][3] = {{1}, {-1, 0.5}, {0.2, -1, 0.3}, {0, 0.1, 1}, {0.4, 0.3, -1}};
     online_start(&filter, &options);
@@ -179,7 +188,8 @@ int main(void)
         if (online_predict(&filter, k + 1.0, &thrust, &state) != ACCEPTED) return 3;
     }
     return filter.manoeuvred != 1.0;
-}"""
+}
+int main(void) { return fly(0.0) + 10 * fly(1e-3); }"""
 
 
 @pytest.mark.skipif("zig" in " ".join(find_compiler()), reason="zig has no library of the sanitizer")

@@ -256,11 +256,6 @@ def test_settings_out_of_range_are_refused(arguments):
         OnlineEstimator(**({"sigma": 1.0} | arguments))
 
 
-def test_orbits_that_it_cannot_hold_are_refused():
-    with pytest.raises(InputError, match="Keplerian elements alone"):
-        OnlineEstimator(SIGMA, Orbit(7.2e6, 0.0, 1.7, j2=1e-3, equatorial_radius=6.4e6))
-
-
 def test_the_time_of_a_prediction_is_checked():
     filter = OnlineEstimator(SIGMA)
     time = np.arange(3.0)

@@ -1,5 +1,7 @@
 """CentreOfMassEstimator: against the filter called from Python, behind the target and a rig, with late samples."""
 
+from dataclasses import replace
+
 import fmpy
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from baryscope.estimator.online import OnlineEstimator
 from baryscope.fmu import build_fmu
 from baryscope.fmu.units import blueprint_of
 from baryscope.models.errors import InputError
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.models.scenario import Run, Sensor, StereoRig
 from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.navigation import STATUSES
@@ -48,11 +51,14 @@ def test_more_features_than_the_map_holds_are_refused(watched):
         blueprint_of("estimator", watched.model_copy(update={"features": many}))
 
 
-def test_it_is_the_filter_that_python_calls(watched, started):
+@pytest.mark.parametrize("orbit", [{}, {"j2": EARTH_J2, "equatorial_radius": EARTH_RADIUS}], ids=["plain", "oblate"])
+def test_it_is_the_filter_that_python_calls(watched, started, orbit):
     """Points in camera axes, with covariances, a lever arm and features out of sight; to rounding of the turns."""
     rng = np.random.default_rng(4)
-    unit = started("estimator", camera__leverArm=ARM, filter__offset=3.0, filter__speed=2.0, prediction__horizon=30.0)
-    alone = OnlineEstimator(1.0, watched.orbit, offset_radii=3.0, speed_std=2.0)
+    oblateness = {"orbit__j2": orbit["j2"], "orbit__equatorialRadius": orbit["equatorial_radius"]} if orbit else {}
+    settings = {"filter__offset": 3.0, "filter__speed": 2.0, "prediction__horizon": 30.0}
+    unit = started("estimator", camera__leverArm=ARM, **settings, **oblateness)
+    alone = OnlineEstimator(1.0, replace(watched.orbit, **orbit), offset_radii=3.0, speed_std=2.0)
     body = rng.uniform(-3, 3, (COUNT, 3))
     spread_V = 0.02 * rng.normal(size=(COUNT, 3, 3))
     covariance_V = spread_V @ np.swapaxes(spread_V, 1, 2) + 1e-4 * np.eye(3)

@@ -2,12 +2,14 @@
 
 import itertools
 import re
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from baryscope.estimator.online import OnlineStatus
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.study.online.__main__ import main
 from baryscope.study.online.flights import ANY_WHITE, POPULATION, POSSIBLE, flight, world_of
 from baryscope.study.online.judging import END, judged
@@ -85,6 +87,13 @@ def test_thrust_that_is_logged_is_told(draw):
         -way[begin : end + 1], abs=6 * 3e-3 / 8 + 0.004 * np.abs(way[end]).max()
     )
     assert not flight("thrust not logged", 3, draw).pushes().any()
+
+
+def test_j2_that_is_told_is_that_of_the_same_draw():
+    told, untold = flight("J2, J2 told", 3, 1), flight("J2", 3, 1)
+    assert told.orbit == replace(untold.orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS, accuracy=0.0)
+    np.testing.assert_array_equal(told.path, untold.path)
+    np.testing.assert_array_equal(told.tracks.position, untold.tracks.position)
 
 
 def test_methods_beside_the_filter_are_told_logged_thrust():
