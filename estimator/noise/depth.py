@@ -28,6 +28,7 @@ is that to what is told: ρ is the factor on the deviations along the line of si
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,9 +109,9 @@ def depth_ratio(tracks: FeatureTracks, right: BoolArray) -> DepthRatio | None:
     if own is not None and (own.tells or own.shown is not None):
         return own.shown
     # Where depths turn connections, distances tell the least that ρ may be, and so do features that are seen alone:
-    # what moves a frame as a whole is not along the line of sight only.
+    # what moves a frame as a whole is not along the line of sight only. What features themselves exclude, it is not.
     least = [one.shown for one in (whole, found) if one is not None and one.shown is not None and one.shown.ratio > 1]
-    return least[0] if least else None
+    return least[0] if least and (own is None or own.allows(least[0])) else None
 
 
 def with_noisier_depths(covariance: FloatArray, place: FloatArray, factor: float) -> FloatArray:
@@ -282,8 +283,13 @@ def _axes(sight: FloatArray) -> FloatArray:
 class _Ratio:
     """What lengths tell of the ratio: `shown` unless it is chance; tells: whether that is all there is to it, as it is
     shown, or one of TELLING would have been, and depths do not turn connections.
+
+    best: its likeliest value; dependence: by how much less ratios of likelihoods count than those of independent ones.
     """
 
+    lengths: _Lengths
+    best: "_Fit"
+    dependence: float
     shown: DepthRatio | None
     tells: bool
 
@@ -296,20 +302,27 @@ class _Ratio:
         of_rig = best is of_a_rig
         equal = _Fit.of(lengths, of_rig=of_rig, near=best, log_ratio=0.0)
         dependence = max(1.0, equal.dependence(blocks))
+        of = partial(cls, lengths, best, dependence)
         tells = 2 * np.log(TELLING) * np.sqrt(equal.information / dependence) >= CHANCE
         linear = best.turned <= TURNED
         matters = 2 * np.log(RATIO) <= abs(best.log_ratio) and best.log_ratio > -GREATEST  # none is that much better
         chance = CHANCE_UNTOLD if best.log_ratio > 0 and not told else CHANCE
         if not matters or 2 * (best.likelihood - equal.likelihood) / dependence < chance**2:
-            return cls(None, tells and linear)
+            return of(None, tells and linear)
         log_ratio = best.log_ratio
         if log_ratio == GREATEST:
             sure, log_ratio = (
                 _least(lengths, best, deviations * np.sqrt(dependence), of_rig=of_rig) for deviations in (chance, 1.0)
             )
             if sure < 2 * np.log(TELLING):
-                return cls(None, tells=False)
-        return cls(DepthRatio(float(np.exp(log_ratio / 2)), of_rig, lengths.distance), linear)
+                return of(None, tells=False)
+        return of(DepthRatio(float(np.exp(log_ratio / 2)), of_rig, lengths.distance), linear)
+
+    def allows(self, ratio: DepthRatio) -> bool:
+        """Whether a ratio, as other lengths show it, may by chance be that of these."""
+        log_ratio = 2 * float(np.log(ratio.ratio))
+        fit = _Fit.of(self.lengths, of_rig=ratio.of_rig, near=self.best, log_ratio=log_ratio)
+        return 2 * (self.best.likelihood - fit.likelihood) / self.dependence < CHANCE**2
 
 
 def _least(lengths: _Lengths, greatest: "_Fit", deviations: float, *, of_rig: bool) -> float:

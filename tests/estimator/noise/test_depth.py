@@ -204,6 +204,24 @@ def test_features_across_the_line_of_sight_tell_it_by_their_own_places(seed, sha
     assert depth_ratio(tracks, tracks.seen).ratio == pytest.approx(RATIO, rel=0.45)
 
 
+@pytest.mark.parametrize("ratio, across, seed", [(1.0, 0.12, 105), (1.0, 0.12, 149), (20.0, 0.1, 0)])
+def test_a_ratio_that_the_features_own_places_exclude_is_none(ratio, across, seed):
+    """Distances of features that are seen in few frames may by chance be as if depths turned the connections, and any
+    great ratio as likely as any greater; the features' own places tell that it is not so, or that it is.
+    """
+    rng, time = np.random.default_rng(seed), TIME[:56]
+    points, sight = 0.6 * rng.normal(size=(11, 3)), CENTRE / np.linalg.norm(CENTRE)
+    turn = Rotation.from_rotvec(0.08 * time[:, None] * (sight + np.array([0.1, 0.0, 0.0]))).as_matrix()
+    true = (2 - 0.3 * time / 55)[:, None, None] * CENTRE + points @ np.swapaxes(turn, 1, 2)
+    seen = np.zeros(true.shape[:2], dtype=bool)
+    seen[:3, :4] = seen[10:22, :4] = seen[36:, :4] = seen[46:, 4:] = True
+    noise, toward = across * rng.normal(size=true.shape), true / np.linalg.norm(true, axis=2, keepdims=True)
+    noise += (ratio - 1) * np.sum(noise * toward, axis=2, keepdims=True) * toward
+    position = np.where(seen[..., None], true + noise, np.nan)
+    found = depth_ratio(FeatureTracks(time, position, tuple("abcdefghijk")), seen)
+    assert found is None if ratio == 1 else found is not None and 0.7 < found.ratio / ratio < 1.4
+
+
 def test_noisy_depths_that_distances_do_not_show_are_no_confident_answer():
     """It was `good` with a normalised square of 950, as noisy attitudes told an offset."""
     tracks, path = across_the_sight(5, RATIO)
