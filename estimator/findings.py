@@ -258,6 +258,15 @@ class MovingFeatures:
 
 
 @dataclass(frozen=True)
+class HeldFrames:
+    """So many `frames` between two times, s, repeat the one before in every digit: they are not measured, nor used."""
+
+    begin: float
+    end: float
+    frames: int
+
+
+@dataclass(frozen=True)
 class FreeAttitudes:
     """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
 
@@ -286,6 +295,7 @@ Finding = (
     | ChangingNoise
     | DepthNoise
     | MovingFeatures
+    | HeldFrames
     | FreeAttitudes
 )
 UNCHECKED = FewFrames | ContradictedPath | OtherBody

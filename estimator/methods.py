@@ -5,19 +5,24 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
-from baryscope.estimator.findings import OtherBody
+from baryscope.estimator.findings import HeldFrames, OtherBody
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.noise.following import with_noise_as_shown
+from baryscope.estimator.noise.held import held_frames
 from baryscope.estimator.noise.moving import without_moving_features
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.progress import Progress, silent
+from baryscope.estimator.prose import sentence
 from baryscope.estimator.registration.screening import bodies_beside
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
@@ -197,6 +202,20 @@ def estimate(
         if value is not None or name == "tracks":
             instance_of(name, value, kind, source)
     refuse_implausible(tracks, "tracks")
+    held = held_frames(tracks)
+    tracks = replace(tracks, position=np.where(held[:, None, None], np.nan, tracks.position))
     if camera is not None:
         tracks = camera.inertial(tracks)
-    return METHODS[method](tracks, orbit=orbit, options=options, progress=progress)
+    left_out = _held(tracks, held)
+    try:
+        found = METHODS[method](tracks, orbit=orbit, options=options, progress=progress)
+    except ComputationError as error:
+        reason = "; ".join([str(error), *map(sentence, left_out)])
+        raise ComputationError(reason, error.reason) from error
+    return replace(found, findings=found.findings + left_out)
+
+
+def _held(tracks: FeatureTracks, held: NDArray[np.bool_]) -> tuple[HeldFrames, ...]:
+    """The finding of frames (n,) that are held, if there are any."""
+    times = tracks.time[held]
+    return (HeldFrames(float(times[0]), float(times[-1]), len(times)),) if len(times) else ()

@@ -22,6 +22,7 @@ from baryscope.estimator.findings import (
     FollowsRotation,
     FramesLeftOut,
     FreeAttitudes,
+    HeldFrames,
     LackOfFit,
     MovingFeatures,
     OtherBody,
@@ -70,7 +71,7 @@ def sentence(finding: Finding) -> str:
             return _of_orbit(finding)
         case UnknownBurn() | UnknownPush():
             return _of_force(finding)
-        case WrongSigma() | ChangingNoise() | DepthNoise() | MovingFeatures():
+        case WrongSigma() | ChangingNoise() | DepthNoise() | MovingFeatures() | HeldFrames():
             return _of_noise(finding)
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
@@ -200,7 +201,7 @@ def _of_force(finding: UnknownBurn | UnknownPush) -> str:
             )
 
 
-def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise | MovingFeatures) -> str:
+def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise | MovingFeatures | HeldFrames) -> str:
     """What is found of the noise, in words."""
     match finding:
         case WrongSigma():
@@ -227,6 +228,11 @@ def _of_noise(finding: WrongSigma | ChangingNoise | DepthNoise | MovingFeatures)
         case MovingFeatures():
             verb = "move" if len(finding.labels) > 1 else "moves"
             return f"{', '.join(finding.labels)} {verb} on the body, as on a panel that bends: left out"
+        case HeldFrames():
+            return (
+                f"{counted(finding.frames, 'frame repeats', 'frames repeat')} the one before in every digit, from "
+                f"{finding.begin:.1f} to {finding.end:.1f} s, as of a tracker that lost the body: left out"
+            )
 
 
 def summary(result: Estimate) -> list[str]:

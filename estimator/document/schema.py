@@ -112,6 +112,7 @@ class FindingPart(Part):
         "changing-noise",
         "depth-noise",
         "moving-features",
+        "held-frames",
         "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
@@ -128,7 +129,7 @@ class FindingPart(Part):
         description="excess-residuals: residuals with the model over those without; disagreeing-clusters: "
         "how far apart they see their common features, over what they claim",
     )
-    frames: int | None = Field(None, description="frames-left-out, few-frames: their number")
+    frames: int | None = Field(None, description="frames-left-out, few-frames, held-frames: their number")
     unknowns: float | None = Field(
         None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
@@ -155,9 +156,13 @@ class FindingPart(Part):
     eccentricity_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation")
     j2: float | None = Field(None, description="untold-oblateness: of the Earth, which the estimate has, or allows for")
     certain: bool | None = Field(None, description="untold-oblateness: whether the tracks are likelier with J2")
-    begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated, contradicted-path, s")
+    begin: float | None = Field(
+        None, description="unknown-burn, frames-left-out, held-frames, extrapolated, contradicted-path, s"
+    )
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
-    end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated, contradicted-path, s")
+    end: float | None = Field(
+        None, description="unknown-burn, frames-left-out, held-frames, extrapolated, contradicted-path, s"
+    )
     end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")

@@ -15,6 +15,7 @@ from baryscope.estimator.findings import (
     FollowsRotation,
     FramesLeftOut,
     FreeAttitudes,
+    HeldFrames,
     LackOfFit,
     MovingFeatures,
     OtherBody,
@@ -138,6 +139,11 @@ def test_verdict_names_a_skew_axis():
             DepthNoise(0.00127, 0.0071, 2.5),
             "depths have a noise of 0.0071 m, places across the line of sight one of 0.0013 m, which covariances with "
             "a ratio of 2.5, not 5.6, told; every observation is weighed by that",
+        ),
+        (
+            HeldFrames(3.0, 9.5, 1),
+            "1 frame repeats the one before in every digit, from 3.0 to 9.5 s, as of a tracker that lost the body: "
+            "left out",
         ),
         (MovingFeatures(("a",)), "a moves on the body, as on a panel that bends: left out"),
         (MovingFeatures(("a", "b")), "a, b move on the body, as on a panel that bends: left out"),
