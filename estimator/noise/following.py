@@ -19,6 +19,7 @@ from baryscope.estimator.adjustment.lasting_errors import OF_A_POSE
 from baryscope.estimator.claims import widened
 from baryscope.estimator.findings import ChangingNoise, DepthNoise, Finding
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
+from baryscope.estimator.limits import FINEST
 from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.noise.changes import Misfit, Part, noise_parts
 from baryscope.estimator.noise.depth import DepthRatio, depth_ratio, deviations, with_noisier_depths
@@ -34,9 +35,37 @@ Fit = Callable[[FeatureTracks, PathOptions], Estimate]
 FEW = 0.003  # share of all observations that are rejected, up to which no part is looked for
 MANY = 0.03  # share of a part's observations that are rejected, from which its noise is to blame
 MORE = 3.0  # times the share in the quietest part
+FAR_TOO_WIDE = 0.3  # deviations that the residuals tell, over those of the tracks' covariances
+LEAST = 1e3 * FINEST  # m: deviations of tracks without noise are not made smaller
 
 
 def with_noise_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> tuple[Estimate, FeatureTracks]:
+    """The estimate by a fit, with the noise that the tracks show, and the tracks as it weighs them.
+
+    Covariances that are far too wide, as in mm² for m², are made as small as the residuals tell, and the estimate is
+    made anew: features that seem to be less well known than they are far apart tell no centre of mass.
+
+    Raises:
+        ComputationError: the tracks do not determine the unknowns.
+    """
+    found, weighed = _with_shape_as_shown(fit, tracks, options)
+    factor = found.noise.a_posteriori
+    if tracks.covariance is None or options.sigma is not None or not found.noise.relative or factor > FAR_TOO_WIDE:
+        return found, weighed
+    least = float(np.sqrt(np.linalg.eigvalsh(tracks.covariance[tracks.seen]).min()))
+    factor = max(factor, LEAST / least)
+    try:
+        anew, weighed_anew = _with_shape_as_shown(
+            fit, replace(tracks, covariance=factor**2 * tracks.covariance), options
+        )
+    except ComputationError:
+        return found, weighed
+    noise = replace(anew.noise, a_posteriori=factor * anew.noise.a_posteriori)
+    told = replace(weighed_anew, covariance=np.asarray(weighed_anew.covariance) / factor**2)
+    return replace(anew, noise=noise, wall_time=found.wall_time + anew.wall_time), told
+
+
+def _with_shape_as_shown(fit: Fit, tracks: FeatureTracks, options: PathOptions) -> tuple[Estimate, FeatureTracks]:
     """The estimate by a fit, with the noise of each part of the tracks where one noise rejects what a part shows, and
     with that of depths where it is another than across the line of sight; and the tracks as these weigh them.
 

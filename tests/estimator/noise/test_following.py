@@ -1,5 +1,7 @@
 """Noise that changes within a recording: quiet markers, and from some time on skin that slides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -121,3 +123,24 @@ def test_too_little_tells_of_no_change():
     assert noise_parts(tracks.position[:, :2], tracks.seen[:, :2]) == ()
     still = np.repeat(tracks.position[:1], 600, axis=0)
     assert noise_parts(still, np.isfinite(still[..., 0])) == ()
+
+
+@pytest.mark.parametrize("told", [1.0, 20.0])
+def test_covariances_that_are_far_too_wide_change_nothing(told):
+    """Only their ratios tell, as their size is estimated: with 1 m in place of 2 cm the claim of `pivot` was metres,
+    and its centre of mass as far off. The tolerance is that of iterations that stop at other steps.
+    """
+    rng, time = np.random.default_rng(3), np.arange(100.0)
+    precession = Rotation.from_rotvec(time[:, None] * [0.02, 0.0, 0.05])
+    R = (precession * Rotation.from_rotvec(time[:, None] * [0.03, 0.02, 0.04])).as_matrix()
+    points = 3 * rng.normal(size=(5, 3))
+    noise = 0.02 * rng.normal(size=(100, 5, 3))
+    tracks = FeatureTracks(time, np.array([5.0, -20.0, 3.0]) + points @ np.swapaxes(R, 1, 2) + noise, tuple("abcde"))
+    true, wide = (
+        estimate(replace(tracks, covariance=np.broadcast_to(size**2 * np.eye(3), (100, 5, 3, 3))))
+        for size in (0.02, told)
+    )
+    assert wide.status is true.status
+    assert wide.position == pytest.approx(true.position, abs=1e-6)
+    assert wide.covariance == pytest.approx(true.covariance, rel=1e-3, abs=1e-12)
+    assert told * wide.noise.a_posteriori == pytest.approx(0.02 * true.noise.a_posteriori, rel=1e-3)
