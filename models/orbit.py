@@ -28,6 +28,7 @@ RANGES = {
 }  # wider than the solar system; an angle of 1e6 rad still has ten digits
 NUMBERS = ELEMENT_COUNT + 2  # fields of an orbit that are numbers, the first ones
 LEAST_ACCURATE = 0.1  # of the semi-major axis, which is no longer an error of the first order
+IN_KILOMETRES = EARTH_MU / 1e9  # km³/s²: as a number of m³/s² that of no body whose orbits are known
 MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
 
 
@@ -93,6 +94,11 @@ class Orbit:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise InputError(f"orbit.{name}: found {value:g} {unit}, expected {low:g} to {high:g} {unit}")
+        if abs(self.gravitational_parameter / IN_KILOMETRES - 1) < 0.002:
+            raise InputError(
+                f"orbit.gravitational_parameter: found {self.gravitational_parameter:g} m³/s², the Earth's in km³/s²?, "
+                f"expected m³/s², as the Earth's {EARTH_MU:g}"
+            )
         periapsis = self.semi_major_axis * (1 - self.eccentricity)
         if self.is_the_earths and periapsis < EARTH_RADIUS:
             raise InputError(

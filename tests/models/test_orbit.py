@@ -81,6 +81,11 @@ def test_frozen_hashable_and_of_plain_floats():
         ({"eccentricity": -1e-9}, "orbit.eccentricity: found value -1e-09, expected 0 ≤ e < 1"),
         ({"eccentricity": 0.2}, "orbit.semi_major_axis: found 7.15e+06 m, which puts the periapsis 5.72e+06 m from"),
         ({"gravitational_parameter": 0}, "orbit.gravitational_parameter: found value 0, expected a value above 0"),
+        (
+            {"gravitational_parameter": 398600.4},  # a period of six years, and answers to match, without a word
+            "orbit.gravitational_parameter: found 398600 m³/s², the Earth's in km³/s²?, expected m³/s², as the Earth's "
+            "3.986e+14",
+        ),
         ({"inclination": float("nan")}, "orbit.inclination: found nan, expected a finite number"),
         ({"true_anomaly": 10**400}, "orbit.true_anomaly: found inf, expected a finite number"),
         ({"raan": "120"}, "orbit.raan: found '120', expected a number"),
