@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,8 +90,18 @@ def parquet(columns: Mapping[str, Any]) -> Whole:
 
 
 def netcdf(dataset: "Dataset") -> Whole:
-    """What writes a dataset as NetCDF 4."""
-    return Whole(lambda path: dataset.to_netcdf(path, engine="h5netcdf"))
+    """What writes a dataset as NetCDF 4: made in memory, as HDF5 leaves the process in ruins where a disk is full."""
+
+    def write(path: Path) -> None:
+        import h5netcdf
+        from xarray.backends import H5NetCDFStore
+
+        content = BytesIO()
+        with h5netcdf.File(content, "w") as file:
+            dataset.dump_to_store(H5NetCDFStore(file))
+        path.write_bytes(content.getbuffer())
+
+    return Whole(write)
 
 
 def zarr(dataset: "Dataset") -> Folder:

@@ -43,6 +43,7 @@ COMMANDS = {
     "simulate, tracks": (1_000_000, ["simulate", "--fmu", "{unit}", "-o", "t.csv"], "t.csv"),
     "simulate, unpacking": (1_000, ["simulate", "--fmu", "{unit}", "-o", "t.csv"], "baryscope."),
     "estimate": (1_000, ["estimate", "{tracks}", "--trajectory", "fixed", "-o", "e.csv"], "e.csv"),
+    "estimate, NetCDF": (5_000, ["estimate", "{tracks}", "--trajectory", "fixed", "-o", "e.nc"], "e.nc"),
     "bound": (100, ["bound", "--scenario", "mine.toml", "--durations", "50,100", "-o", "b"], "b/bound"),
     "compare, compiling": (10_000, ["compare", "--scenario", "mine.toml", "-o", "c"], "for temporary files"),
 }
