@@ -179,6 +179,10 @@ def _refuse_few(recordings: list[FeatureTracks], both: BoolArray) -> None:
 def _never_together(tracks: FeatureTracks, used: BoolArray) -> str:
     """Why no frame shows all markers of a body."""
     names = ", ".join(tracks.labels)
+    hidden = [tracks.labels[index] for index in np.flatnonzero(tracks.seen.sum(axis=0) == 0)]
+    if hidden:
+        verb = "is" if len(hidden) == 1 else "are"
+        return f"{', '.join(hidden)} {verb} never seen, expected a frame that shows all of {names}"
     if not tracks.seen.all(axis=1).any():
         return f"no frame shows all of {names}, expected one at least"
     off = np.argmax((tracks.seen & ~used).sum(axis=0))

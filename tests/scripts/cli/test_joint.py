@@ -243,3 +243,14 @@ def test_no_frame_shows_all_markers(recorded, capsys):
     assert app.main(["joint", "ball.csv", "--child", CHILD]) == 1
     last = capsys.readouterr().err.splitlines()[-1]
     assert last == "baryscope: ball.csv: no frame shows all of ca, cb, cc, cd, expected one at least"
+
+
+def test_a_marker_that_is_never_seen_is_named(recorded, capsys):
+    """As one that a recording lists but has not: all of the body's were named, as if they were never seen together."""
+    whole = both_bodies(1)
+    position = whole.position.copy()
+    position[:, whole.labels.index("cb")] = np.nan
+    write_tracks(FeatureTracks(whole.time, position, whole.labels), "ball.trc")
+    assert app.main(["joint", "ball.trc", "--child", CHILD]) == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last == "baryscope: ball.trc: cb is never seen, expected a frame that shows all of ca, cb, cc, cd"
