@@ -1,14 +1,20 @@
 """Checks of well-formed tracks for likely mistakes in labels, times and units, before an estimator fails."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.limits import NARROWEST
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
+FloatArray = NDArray[np.float64]
+
 LARGEST = 2000.0  # m, the width of a body; wider ones are probably given in millimetres
 LONG = 10_000.0  # s: nothing is recorded for hours where no orbit bends its way; ten seconds in milliseconds are
+SERIES = 3  # rows of an attitude, and frames, from which on all between two are too many
 SAMPLE = 200  # frames examined for the width
 
 
@@ -56,6 +62,34 @@ def doubted_times(tracks: FeatureTracks) -> str | None:
     if step * len(steps) <= LONG:
         return None
     return f"it lasts {lasts:.0f} s, a frame every {step:g} s: times in milliseconds? Seconds are expected"
+
+
+def doubted_log(acceleration: KnownAcceleration, times: FloatArray) -> str | None:
+    """What to say of a log that tells of no acceleration at times (n,), s, in a line: it is likely of another unit."""
+    begin, end = float(times.min()), float(times.max())
+    if acceleration.time[0] > end:
+        where = f"its first row is at {acceleration.time[0]:.10g} s, after {end:.10g} s, the last time in question"
+    elif acceleration.time[-1] <= begin and not acceleration.value[-1].any():
+        where = f"its last row is at {acceleration.time[-1]:.10g} s, before {begin:.10g} s, the first time in question"
+    else:
+        return None
+    return f"{where}: it changes nothing; times in milliseconds, or with another zero?"
+
+
+def doubted_attitude(attitude: AttitudeSeries, times: FloatArray) -> str | None:
+    """What to say of an attitude of more than two rows if all times (n,), s, are between two of them, in a line.
+
+    None of one whose times are UTC.
+    """
+    if attitude.epoch is not None or len(attitude.time) < SERIES or len(times) < SERIES:
+        return None
+    before = int(np.searchsorted(attitude.time, times.min(), side="right"))
+    if before in (0, len(attitude.time)) or times.max() > attitude.time[before]:
+        return None
+    between = f"{attitude.time[before - 1]:.10g} and {attitude.time[before]:.10g} s"
+    return (
+        f"all times of the tracks are between two of its rows, {between}: times in milliseconds? Seconds are expected"
+    )
 
 
 def width_of(tracks: FeatureTracks) -> float | None:

@@ -7,11 +7,13 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, refuse_unmarkable, writable
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.plausibility import doubted_times, refuse_implausible
+from baryscope.estimator.options import Options, PathOptions
+from baryscope.estimator.plausibility import doubted_attitude, doubted_log, doubted_times, refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
@@ -22,9 +24,9 @@ from baryscope.report import html_of, prediction_chart, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.options.features import named_features
 from baryscope.scripts.cli.options.forces import ForceChoices
-from baryscope.scripts.cli.options.frames import FrameChoices
+from baryscope.scripts.cli.options.frames import FrameChoices, Frames
 from baryscope.scripts.cli.options.method import PathChoices, ScrewChoices, method_options
-from baryscope.scripts.cli.options.prediction import PredictionChoices, Refused, prediction_path
+from baryscope.scripts.cli.options.prediction import AskedFor, PredictionChoices, Refused, prediction_path
 
 LEAST_FEATURES = 2
 
@@ -102,6 +104,8 @@ def estimate_file(
                 refuse_unmarkable(recorded, output)
             data = known.dated(data)
             options, request = forces.read_into(options, known.epoch, known.camera), prediction.of(data)
+            for line in _doubts(frames, forces, known, options, data.time, request):
+                show.remark(line)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(
                 data, method=method, orbit=known.orbit, options=options, camera=known.camera, progress=share
@@ -129,6 +133,24 @@ def estimate_file(
     document = json.loads(diagnostics.read_text(encoding="utf-8"))
     show.result(document, _headline(result, output), *(f"  {line}" for line in lines))
     return 0 if result.status.trustworthy and refused is None else UNTRUSTED
+
+
+def _doubts(
+    frames: FrameChoices,
+    forces: ForceChoices,
+    known: Frames,
+    options: Options,
+    times: NDArray[np.float64],
+    request: AskedFor | None,
+) -> list[str]:
+    """What to say of files beside the tracks whose times (n,), s, are hardly those of the tracks, in lines."""
+    doubts: list[tuple[Path | None, str | None]] = []
+    if isinstance(options, PathOptions) and options.acceleration is not None:
+        asked = times if request is None else np.concatenate([times, request.time])
+        doubts.append((forces.acceleration, doubted_log(options.acceleration, asked)))
+    if known.camera is not None:
+        doubts.append((frames.camera, doubted_attitude(known.camera.attitude, times)))
+    return [f"{file}: {doubt}" for file, doubt in doubts if doubt is not None]
 
 
 def _marker_line(result: Estimate, path: Path) -> str:

@@ -82,6 +82,18 @@ def test_wrong_combinations_get_one_line(files, capsys):
     assert "camera's attitude: none for the time 39 s" in capsys.readouterr().err
 
 
+def test_an_attitude_in_milliseconds_is_doubted(files, capsys):
+    """All frames were between its first two rows, and the camera all but stood still, without a word."""
+    rows = np.loadtxt(files / "attitude.csv", delimiter=",", skiprows=1)
+    rows[:, 0] *= 1000
+    np.savetxt(files / "ms.csv", rows, delimiter=",", header="time,qw,qx,qy,qz", comments="")
+    run(files, "--camera", files / "ms.csv")
+    doubt = "ms.csv: all times of the tracks are between two of its rows, 0 and 1000 s: times in milliseconds? Seconds"
+    assert doubt in capsys.readouterr().err
+    run(files, "--camera", files / "attitude.csv")
+    assert "milliseconds" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("dated", [False, True], ids=["seconds", "UTC"])
 def test_thrust_in_the_camera_s_axes_and_a_prediction_beyond_its_attitude(files, capsys, dated):
     """A burn of 5 s: the attitude is needed for that time alone, and its times may be UTC as those of the tracks."""

@@ -212,6 +212,19 @@ def test_a_log_of_accelerations(tmp_path, capsys):
     assert {path.name for path in tmp_path.glob("bare*")} == {"bare.csv", "bare.json"}
     found = np.loadtxt(tmp_path / "tracks.estimate.csv", delimiter=",", skiprows=1)[:, 1]
     np.testing.assert_allclose(found, com[:, 0], atol=0.02)  # across the axis: a spin leaves the position along it open
+    other = tmp_path / "other.csv"
+    for moments, words in (
+        (
+            (200, 300),
+            "other.csv: its first row is at 200 s, after 119 s, the last time in question: it changes nothing",
+        ),
+        ((-9, -2), "other.csv: its last row is at -2 s, before 0 s, the first time in question: it changes nothing"),
+    ):
+        rows = (f"{moment},{size},0,0" for moment, size in zip(moments, (2e-3, 0), strict=True))
+        other.write_text("\n".join(["time,ax,ay,az", *rows]), encoding="utf-8")
+        capsys.readouterr()
+        assert app.main([*command, "--acceleration", str(other), "--no-report"]) == 3
+        assert words in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
