@@ -112,6 +112,8 @@ def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArra
     for row, cell in enumerate(column.tolist()):
         text = "" if is_missing(cell) else str(cell).strip()
         codes[row] = -1 if not text else found.setdefault(text, len(found))
+    if not len(column):
+        raise InputError(f"{source}: no rows, expected at least one")
     if not found:
         raise InputError(f"{source}, column feature: no label in {len(column)} rows")
     return tuple(found), codes

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.formats.write import writable, writer_of_tracks
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording, Session, build_fmu, simulate
+from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder, write_together
 from baryscope.models.scenario import Scenario, load_scenario, orbit_text
 from baryscope.models.sensor.tracking import observe
@@ -68,14 +69,19 @@ def fly(scenario: Scenario | AnyPath, unit: AnyPath | None = None, progress: Pro
     with temporary_folder() as folder:
         fmu = build_unit(flown, folder / "unit.fmu", progress) if unit is None else unit
         with stage(progress, f"simulating {flown.duration:.0f} s at {1 / flown.run.sample_time:g} Hz") as share:
-            truth = simulate(
-                fmu,
-                flown.sample_times,
-                flown.parameters(),
-                acceleration=flown.chaser.acceleration,
-                control=_thruster(flown),
-                progress=share,
-            )
+            try:
+                truth = simulate(
+                    fmu,
+                    flown.sample_times,
+                    flown.parameters(),
+                    acceleration=flown.chaser.acceleration,
+                    control=_thruster(flown),
+                    progress=share,
+                )
+            except InputError as error:
+                if str(error).startswith(str(fmu)):
+                    raise
+                raise InputError(f"{flown.name} in {fmu}: {error}") from error
     observation = observe(
         flown,
         truth.time,

@@ -82,11 +82,18 @@ class FrameChoices:
         """Orbit and camera from their files, and the epoch, as given or by the tracks.
 
         Raises:
-            InputError: a file is wrong, or option and tracks both give the epoch.
+            InputError: a file is wrong, option and tracks both give the epoch, or the attitude lacks a time of theirs.
         """
         epoch = self._epoch_of(tracks)
         orbit = None if self.orbit is None else load_orbit(self.orbit, epoch)
-        return Frames(epoch, orbit, None if self.camera is None else Camera.load(_csv(self.camera), self.rig))
+        if self.camera is None:
+            return Frames(epoch, orbit, None)
+        found = Frames(epoch, orbit, Camera.load(_csv(self.camera), self.rig))
+        try:
+            found.inertial(found.dated(tracks))
+        except InputError as error:
+            raise InputError(f"{self.camera}: {error}") from error
+        return found
 
     def _epoch_of(self, tracks: FeatureTracks) -> str | None:
         """The UTC of time 0 in ISO 8601, as given on the command line or by the tracks.

@@ -217,6 +217,7 @@ def test_a_folder_that_is_no_zarr_store_is_left_alone(tracks, tmp_path):
         (lambda rows: rows["x"].__setitem__(3, np.nan), "frame, row 3, column x: missing, expected a number"),
         (lambda rows: rows["time"].__setitem__(1, 0.5), "frame, row .*, column feature: 'right' stands twice at 0.5 s"),
         (lambda rows: rows.update(feature=[None] * len(rows["x"])), "column feature: no label in"),
+        (lambda rows: rows.update({name: [] for name in rows}), "no rows, expected at least one"),
         (lambda rows: rows.update(z=rows["z"][:-1]), "columns of .* rows, expected as many in all"),
     ],
 )

@@ -79,7 +79,9 @@ def test_wrong_combinations_get_one_line(files, capsys):
     attitude = files / "attitude.csv"
     attitude.write_text("".join(attitude.read_text().splitlines(keepends=True)[:40]))
     assert run(files, "--camera", attitude) == 2
-    assert "camera's attitude: none for the time 39 s" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "camera's attitude: none for the time 39 s" in said
+    assert f"baryscope: {attitude}: camera" in said
 
 
 def test_an_attitude_in_milliseconds_is_doubted(files, capsys):

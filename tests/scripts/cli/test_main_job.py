@@ -194,7 +194,9 @@ def test_simulate_takes_a_unit_that_was_built_before(scenario_file, tmp_path, mo
 def test_a_unit_with_another_number_of_features_is_refused(scenario_file, envisat_fmu, tmp_path, capsys):
     arguments = ["simulate", "--scenario", str(scenario_file), "--fmu", str(envisat_fmu), "-o", str(tmp_path / "x.csv")]
     assert app.main(arguments) == 2
-    assert "target.features: found shape (4, 3), expected (12, 3)" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "target.features: found shape (4, 3), expected (12, 3)" in said
+    assert f"baryscope: short in {envisat_fmu}: target" in said
     assert list(tmp_path.iterdir()) == []
 
 
