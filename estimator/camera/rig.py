@@ -12,7 +12,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
-LONGEST_ARM = 1e4  # m
+LONGEST_ARM = 100.0  # m: no chaser is larger, and millimetres taken for metres are
 WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
 WIDEST_SCALE = 0.2  # likewise to first order: of a scale and an error of it, the product is left out
 

@@ -35,6 +35,7 @@ def test_a_whole_file(tmp_path):
     ("text", "message"),
     [
         ("[rig]\nlever_arm = [1, 2]", r"rig.lever_arm: found a list of 2, expected a list of 3 numbers in m"),
+        ("[rig]\nlever_arm = [800, -300, 50]", r"rig.lever_arm\[0\]: found 800, expected a value of at most 100 in m"),
         ("[rig]\nboresight_deviation = 1.0", r"rig.boresight_deviation.*expected a value of at most 0.2"),
         ("[rig]\nscale_deviation = -1e-3", r"rig.scale_deviation: found -0.001, expected a value of at least 0"),
         ("[rig]\nscale = 1e-3", r"rig.scale: unknown field"),
