@@ -9,11 +9,13 @@ from baryscope.estimator.limits import NARROWEST
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 
 LARGEST = 2000.0  # m, the width of a body; wider ones are probably given in millimetres
 LONG = 10_000.0  # s: nothing is recorded for hours where no orbit bends its way; ten seconds in milliseconds are
+MARKS = 3  # observations at a place on the diagonal, which are no chance
 SERIES = 3  # rows of an attitude, and frames, from which on all between two are too many
 SAMPLE = 200  # frames examined for the width
 
@@ -62,6 +64,25 @@ def doubted_times(tracks: FeatureTracks) -> str | None:
     if step * len(steps) <= LONG:
         return None
     return f"it lasts {lasts:.0f} s, a frame every {step:g} s: times in milliseconds? Seconds are expected"
+
+
+def doubted_mark(tracks: FeatureTracks) -> str | None:
+    """What to say of observations whose coordinates are all one number, as -9999, in a line: a mark for not seen.
+
+    None of features that are nowhere else.
+    """
+    position = tracks.position
+    alike = (position[..., 0] == position[..., 1]) & (position[..., 1] == position[..., 2])
+    alike &= (tracks.seen & ~alike).any(axis=0)
+    values, counts = np.unique(position[alike, 0], return_counts=True)
+    if not len(values) or counts.max() < MARKS:
+        return None
+    mark = float(values[np.argmax(counts)])
+    features = (alike & (position[..., 0] == mark)).any(axis=0).sum()
+    return (
+        f"x, y and z are {mark:g} in {counts.max()} observations of {counted(int(features), 'feature')}: "
+        "a mark for what is not seen? Such rows are to be left out, or empty"
+    )
 
 
 def doubted_log(acceleration: KnownAcceleration, times: FloatArray) -> str | None:

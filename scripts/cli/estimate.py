@@ -13,7 +13,13 @@ from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, refuse_unmarkable, writable
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import Options, PathOptions
-from baryscope.estimator.plausibility import doubted_attitude, doubted_log, doubted_times, refuse_implausible
+from baryscope.estimator.plausibility import (
+    doubted_attitude,
+    doubted_log,
+    doubted_mark,
+    doubted_times,
+    refuse_implausible,
+)
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
@@ -99,6 +105,8 @@ def estimate_file(
             refuse_implausible(data, str(tracks))
             if frames.orbit is None and (doubt := doubted_times(data)) is not None:
                 show.remark(f"{tracks}: {doubt}")
+            if (mark := doubted_mark(data)) is not None:
+                show.remark(f"{tracks}: {mark}")
             known = frames.read(data)
             if output.suffix in MARKER_FORMS:
                 refuse_unmarkable(recorded, output)

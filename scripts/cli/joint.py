@@ -21,7 +21,7 @@ from baryscope.estimator.formats import (
 )
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.limits import FINEST
-from baryscope.estimator.plausibility import doubted_times, refuse_implausible, width_of
+from baryscope.estimator.plausibility import doubted_mark, doubted_times, refuse_implausible, width_of
 from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
@@ -95,8 +95,9 @@ def find_joint(
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"--parent and --child: found {both[0]} in both, expected markers of one body each")
         refuse_implausible(data, str(tracks))
-        if (doubt := doubted_times(moving)) is not None:
-            show.remark(f"{tracks}: {doubt}")
+        for doubt in (doubted_times(moving), doubted_mark(data)):
+            if doubt is not None:
+                show.remark(f"{tracks}: {doubt}")
         if output is not None and output.suffix in MARKER_FORMS:
             refuse_unmarkable(data, output)
         with stage(progress, "finding the joint"):

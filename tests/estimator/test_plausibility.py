@@ -50,6 +50,23 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize("mark", ["-9999", "0"])
+def test_a_mark_for_what_is_not_seen_is_doubted(mark, tmp_path, capsys):
+    """Such observations passed without a word, as outliers, or as a path that does not fit."""
+    good = rows(regular_label, regular_time).splitlines()
+    marked = list(good)
+    for k in (3, 10, 17, 24):
+        marked[k] = ",".join([*good[k].split(",")[:2], mark, mark, mark])
+    path = tmp_path / "tracks.csv"
+    path.write_text("\n".join(marked) + "\n")
+    assert app.main(["estimate", str(path), "--trajectory", "fixed", "--no-report"]) in (0, 3)
+    doubt = f"{path}: x, y and z are {mark} in 4 observations of 4 features: a mark for what is not seen? Such rows are"
+    assert doubt in capsys.readouterr().err
+    path.write_text("\n".join(good) + "\n")
+    assert app.main(["estimate", str(path), "--trajectory", "fixed", "--no-report"]) in (0, 3)
+    assert "a mark" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_the_command_names_the_likely_cause(case, tmp_path, capsys):
     text, expected = CASES[case]
