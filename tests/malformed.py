@@ -242,6 +242,8 @@ ORBITS = [
                  "expected metres and an orbit above the surface", id="km-by-value"),
     pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 1.2\ninclination_deg = 98",
                  "orbit.eccentricity: found value 1.2, expected 0 ≤ e < 1", id="hyperbola"),
+    pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 0\ninclination_deg = 208\nraan_deg = 98",
+                 "orbit.inclination_deg: found 208, expected a value of at most 180 in deg", id="exchanged-angles"),
     pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 0\ninclination_deg = [98, 0]",
                  "orbit.inclination_deg: found [98, 0], expected a number in deg", id="list"),
     pytest.param("[orbit]\nsemi_major_axis = 7.15e6\neccentricity = 0\ninclination_deg = 98\n[chaser]",

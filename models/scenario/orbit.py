@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import field_validator
+from pydantic import Field, field_validator
 
 from baryscope.models.ephemeris import MAX_BYTES, OLDEST, elements_of, orbit_of_message
 from baryscope.models.ephemeris.trajectory import target_states
@@ -29,7 +29,7 @@ class OrbitTable(UnitTable):
 
     semi_major_axis: Annotated[float, Unit("m")]
     eccentricity: float
-    inclination_deg: Degrees
+    inclination_deg: Annotated[float, Unit("deg"), Field(ge=-180, le=180)]
     raan_deg: Degrees = 0.0
     argument_of_periapsis_deg: Degrees = 0.0
     true_anomaly_deg: Degrees = 0.0
