@@ -175,11 +175,12 @@ def _covariances(
 
     The estimate of a pure spin has a small error of its axis, which adds spurious information on the position along the
     axis, as in `pivot`. Here the attitude errors φ come from those of rate and inertia; the mean of φ over all frames
-    only rotates the axes and is subtracted.
+    that show something only rotates the axes and is subtracted. Elsewhere φ grows without bounds, and tells nothing.
     """
     variance = max(best.variance, 1e-300)
     y = _covariance_of_unknowns(best, distance, variance)
-    spread = variance * _spread(turn, best.motion.attitude, y[: best.rotation.size, : best.rotation.size])
+    size, shown = best.rotation.size, np.any(best.observations.weight > 0, axis=1, keepdims=True)
+    spread = variance * _spread(turn, best.motion.attitude, y[:size, :size], shown[:, 0])
     spurious = SpuriousInformation.of(turned_information(_position_information(best), spread), RATE_AND_INERTIA)
     of_y, offsets = y, []
     least = variance / max(farthest(best.equations.points[features]) for features in clusters) ** 2
@@ -193,7 +194,6 @@ def _covariances(
     # Directions that are not observed answer to no gradient; the deviation that they are given is none of theirs.
     observed = variance * _covariance_of_unknowns(best, 0.0, variance)
     moved, points = product_errors(best, turn, observed, spread, min(offsets, key=np.trace))
-    size = best.rotation.size
     by_burns = observed[:, size:] @ untold_durations(best.path, observed[size:, size:])
     moved = np.concatenate([moved, by_burns], axis=1)
     points = np.concatenate([points, -best.equations.by_unknowns @ by_burns], axis=1)
@@ -204,10 +204,13 @@ def _covariances(
     return variance * of_y + moved @ moved.T, offsets
 
 
-def _spread(turn: Jacobians, attitude: FloatArray, covariance: FloatArray) -> FloatArray:
-    """The covariances (n, 3, 3) in B of the attitudes' errors less their mean, for that of the rotation's unknowns."""
+def _spread(turn: Jacobians, attitude: FloatArray, covariance: FloatArray, shown: NDArray[np.bool_]) -> FloatArray:
+    """The covariances (n, 3, 3) in B of the attitudes' errors less their mean, for that of the rotation's unknowns.
+
+    The mean is that of the frames (n,) that are shown.
+    """
     R_B_C = np.swapaxes(attitude, 1, 2)
-    mean = turn.mean(R_B_C)
+    mean = turn.mean(np.where(shown[:, None, None], R_B_C, 0.0)) / shown.mean()
     crossed = R_B_C @ turn.times(covariance @ mean.T)
     own = R_B_C @ turn.covariances(covariance) @ attitude + mean @ covariance @ mean.T
     return np.asarray(own - crossed - np.swapaxes(crossed, 1, 2))
