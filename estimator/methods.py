@@ -203,7 +203,8 @@ def estimate(
             instance_of(name, value, kind, source)
     refuse_implausible(tracks, "tracks")
     held = held_frames(tracks)
-    tracks = replace(tracks, position=np.where(held[:, None, None], np.nan, tracks.position))
+    if held.any():
+        tracks = replace(tracks, position=np.where(held[:, None, None], np.nan, tracks.position))
     if camera is not None:
         tracks = camera.inertial(tracks)
     left_out = _held(tracks, held)

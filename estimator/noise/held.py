@@ -21,9 +21,13 @@ def held_frames(tracks: FeatureTracks) -> NDArray[np.bool_]:
     """
     held = np.zeros(len(tracks.time), dtype=bool)
     shown = np.nonzero(tracks.seen.any(axis=1))[0]
-    seen, position = tracks.seen[shown], tracks.position[shown]
+    every = slice(None) if len(shown) == len(held) else shown  # without a copy of all places
+    seen, position = tracks.seen[every], tracks.position[every]
+    alike = ((position[1:, :, 0] == position[:-1, :, 0]) == seen[1:]).all(axis=1) & (seen[1:] == seen[:-1]).all(axis=1)
+    if not alike.any():
+        return held
     stays = position[1:] == position[:-1]  # not where one of the two is not seen
-    alike = (seen[1:] == seen[:-1]).all(axis=1) & (stays.all(axis=2) | ~seen[1:]).all(axis=1)
+    alike &= (stays.all(axis=2) | ~seen[1:]).all(axis=1)
     both = seen[1:] & seen[:-1]
     chance = (stays[~alike].sum(axis=0) + 1) / (both[~alike].sum(axis=0)[:, None] + 1)
     by_chance = np.where(both, chance.prod(axis=1), 1.0).prod(axis=1)
