@@ -94,7 +94,8 @@ def refuse_untold(found: PivotSolution, registered: Registered) -> None:
     """
     if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
         raise ComputationError(
-            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
+            "the features seen together lie in a line, or no farther from one than their noise, and turn too little, "
+            "or too evenly, to tell a path",
             Reason.COLLINEAR_FEATURES,
         )
 

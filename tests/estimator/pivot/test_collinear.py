@@ -109,7 +109,7 @@ def about_one_axis(height):
     ("height", "words", "reason"),
     [
         (0.0, "at most 2 features are seen together", Reason.TOO_FEW_FEATURES),
-        (0.5, "lie in a line, which turns too little", Reason.COLLINEAR_FEATURES),
+        (0.5, "lie in a line, or no farther from one than their noise, and turn too little", Reason.COLLINEAR_FEATURES),
     ],
     ids=["in a plane", "on a cone"],
 )
