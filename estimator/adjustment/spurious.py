@@ -70,13 +70,13 @@ def effective_count(terms: FloatArray) -> float:
     return float(terms.sum()) ** 2 / max(float(terms @ terms), np.finfo(float).tiny)
 
 
-def farthest(points: FloatArray) -> float:
+def farthest(points: FloatArray, radii: float = FARTHEST_RADII) -> float:
     """The standard deviation, m, of the centre of mass in a direction that is not observed, for points (m, 3) from it.
 
-    That is FARTHEST_RADII of the points about their centroid, or the distance to which spurious information has led.
+    That is so many radii of the points about their centroid, or the distance to which spurious information has led.
     """
     distance, radius = _distance_and_radius(points)
-    return max(FARTHEST_RADII * radius, distance, 1e-150)
+    return max(radii * radius, distance, 1e-150)
 
 
 def _distance_and_radius(points: FloatArray) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.paths.burns import untold_durations
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.pivot.collinear import without_spurious_path
+from baryscope.estimator.pivot.offset_prior import RADII
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 
@@ -28,6 +29,8 @@ FloatArray = NDArray[np.float64]
 
 SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which it matters
 WIDE = 1.5  # rms distance from a line over a coordinate's noise, up to which that alone may make it
+AT_ONE_END = 10.0  # radii of the features: deviation of an offset that is claimed where nothing tells it
+CLAIMED = AT_ONE_END / RADII  # the same, over that of the prior that holds it
 LINE = 0.1  # rms distance from a line over that along it, up to which it is nearly one
 
 
@@ -76,17 +79,36 @@ def _without_spurious(found: PivotSolution) -> JointCovariance:
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
     information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, as far as it is known; what remains
     is that of the offsets' prior, and at least that of `farthest`. Where it matters, products of errors are counted,
-    too. Directions without any information get a standard deviation of the path's greatest distance.
+    too: of offsets as most are, as else an untold place along an axis would leave nothing told across it.
+    """
+    whole = _with_offsets_within(found, CLAIMED)
+    if found.shown_spurious_share < SPURIOUS:
+        return whole
+    # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
+    products = _products(found, _with_offsets_within(found, 1.0).of_offsets)
+    whole = whole.grown(_of_solution(found) @ factor_of(products))
+    return whole.grown(_beside_lines(found, whole.of_offsets))
+
+
+def _of_solution(found: PivotSolution) -> FloatArray:
+    """The covariance (3 k + p, 3 k + p) of offsets and x by Gauss and Newton, in the weights' units."""
+    solution, crossed = found.solution, found.solution.offset_path
+    return np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
+
+
+def _with_offsets_within(found: PivotSolution, times: float) -> JointCovariance:
+    """The joint covariance without spurious information, of offsets with a prior so many times as wide as what holds
+    them, and without products of errors.
+
+    Directions without any information get a standard deviation of the path's greatest distance.
     """
     variance, solution = found.variance, found.solution
     distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
-    crossed = solution.offset_path
-    joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
+    crossed, joint = solution.offset_path, _of_solution(found)
     likeliest = solution if found.shown_spurious_share < SPURIOUS else found.at_likeliest  # which takes time
+    own, prior = likeliest.offset_covariance, _prior(found, times)
     columns = np.concatenate(
-        spurious_information_columns(
-            likeliest.offset_covariance, likeliest.offset_path, found.shown_spurious, _least(found), _prior(found)
-        ),
+        spurious_information_columns(own, likeliest.offset_path, found.shown_spurious, _least(found), prior),
         axis=0,
     )
     unseen = np.concatenate([solution.offset_null_space, solution.null_space])
@@ -98,11 +120,7 @@ def _without_spurious(found: PivotSolution) -> JointCovariance:
     whole = whole.grown(np.concatenate(far, axis=0)).grown(np.concatenate(feigned, axis=0))
     if all(body.in_line for body in found.bodies):
         whole = whole.grown(without_spurious_path(found, _least(found)))
-    if found.shown_spurious_share < SPURIOUS:
-        return whole
-    # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
-    whole = whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
-    return whole.grown(_beside_lines(found, whole.of_offsets))
+    return whole
 
 
 def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
@@ -119,7 +137,7 @@ def _beside_lines(found: PivotSolution, offsets: FloatArray) -> FloatArray:
         if are_in_line(body.points, LINE) and not (body.in_line or told):
             column = np.zeros((3 * len(found.bodies), 3))
             column[3 * index : 3 * index + 3] = np.eye(3)
-            columns.append(farthest(body.points) * block_diag(column, _displacement(found.sampled.itself)))
+            columns.append(farthest(body.points, AT_ONE_END) * block_diag(column, _displacement(found.sampled.itself)))
     size = 3 * len(found.bodies) + len(found.solution.x)
     return np.concatenate([np.zeros((size, 0)), *columns], axis=1)
 
@@ -137,7 +155,7 @@ def is_at_rest(found: PivotSolution) -> bool:
     Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
     """
     last, offset = found.last, found.solution.offset_covariance
-    untold = untold_decrease(last.offsets, offset, found.shown_spurious, _least(found), _prior(found))
+    untold = untold_decrease(last.offsets, offset, found.shown_spurious, _least(found), _prior(found, 1.0))
     return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
 
 
@@ -157,17 +175,18 @@ def _products(found: PivotSolution, offsets: FloatArray) -> FloatArray:
 def _least(found: PivotSolution) -> float:
     """The least information on an offset, in the weights' units."""
     bodies = [body for body, lost in zip(found.bodies, found.lost, strict=True) if not lost] or found.bodies
-    return found.variance / max(farthest(body.points) for body in bodies) ** 2
+    return found.variance / max(farthest(body.points, AT_ONE_END) for body in bodies) ** 2
 
 
-def _prior(found: PivotSolution) -> OffsetPrior:
-    """The prior of the bodies' offsets, in the weights' units, as wide as its likeliest where they contradict it.
+def _prior(found: PivotSolution, times: float) -> OffsetPrior:
+    """The prior of the bodies' offsets, in the weights' units, so many times as wide as what holds them, or as is
+    likeliest where they contradict that.
 
-    Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is
-    all that is claimed.
+    Of an offset that is told, it is next to nothing. Where hardly anything tells one, its width is all that is claimed,
+    and that by which offsets are held is that of most objects: the few features that are seen of some are at one end.
     """
     known = block_diag(*found.offset_prior_information)
     offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
-    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offset_information))
+    return OffsetPrior(known / max(wider, times**2), block_diag(*found.offset_information))

@@ -97,9 +97,9 @@ def test_where_all_is_spurious_the_offset_stays_at_the_features():
 def test_a_spin_does_not_lead_away_along_its_axis(noise):
     """Sixteen spins about the z axis, with a centre that lies somewhere along it within the features' radius.
 
-    Nothing tells where. The error along the axis is that of the prior, and claimed: seldom does noise lead away, in one
-    of thirty by three radii. Across, the mean of 16 χ² of two degrees of freedom has a deviation of 0.5, and what is
-    not known along makes claims wider.
+    Nothing tells where. The error along the axis is that of the prior, and five times as much is claimed, as of objects
+    that are seen at one end only: seldom does noise lead away, in one of thirty by three radii. Across, the mean of 16
+    χ² of two degrees of freedom has a deviation of 0.5, and what is not known along makes claims wider.
     """
     time = np.linspace(0.0, 200.0, 100)
     R = Rotation.from_rotvec(np.outer(0.08 * time, [0.0, 0.0, 1.0])).as_matrix()
@@ -112,11 +112,11 @@ def test_a_spin_does_not_lead_away_along_its_axis(noise):
         case = make_case(time, R, np.tile(centre, (100, 1)), points, noise=noise, seed=seed)
         found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed"))
         error, covariance = (found.position - centre)[0], found.covariance[0]
-        assert 1.5 * radius < np.sqrt(covariance[2, 2]) < 4 * radius
+        assert 7.5 * radius < np.sqrt(covariance[2, 2]) < 20 * radius
         along.append(error[2] ** 2 / covariance[2, 2])
         across.append(error[:2] @ np.linalg.solve(covariance[:2, :2], error[:2]))
-    assert max(along) < 6.0
-    assert np.quantile(along, 0.9) < 1.0
+    assert max(along) < 6.0 / 25
+    assert np.quantile(along, 0.9) < 1.0 / 25
     assert 0.05 < np.mean(across) < 3.6
 
 
