@@ -48,8 +48,8 @@ _FRAMES = (
 )
 _EQUATIONS = (
     "A Kalman filter of the target's centre of mass and of its features. The attitude is free in every sample, so that "
-    "nothing is assumed of inertia and tumble; the centre of mass moves on the relative orbit, or freely, with white "
-    "acceleration of a density that is estimated.",
+    "nothing is assumed of inertia and tumble; the centre of mass moves on the relative orbit, under J2 where orbit.j2 "
+    "is not 0, or freely, with white acceleration of a density that is estimated.",
     "A sample is taken in the step that begins with another sample.number than before, not 0, as of sample.time. What "
     "the command changed since then is in the outputs, which are of the step's end; of more than 64 steps since the "
     "last sample, neighbours are taken together.",

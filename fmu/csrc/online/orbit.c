@@ -37,8 +37,10 @@ static void go_under_j2(OnlineOrbit *orbit, double end, double x[6], double F[6]
     double place[6];
     unit_transition(F);
     if (end == begin) return;
-    for (int i = 0; i < 6 && !(fabs(end - begin) <= FARTHEST_UNDER_J2); i++) x[i] = NAN;
-    if (isnan(x[0])) return;
+    if (!(fabs(end - begin) <= FARTHEST_UNDER_J2)) {
+        for (int i = 0; i < 6; i++) x[i] = NAN;
+        return;
+    }
     place_on(orbit, begin, place);
     for (double s = 0.0; s < count; s += 1.0) {
         double G[6][6], before[6][6];

@@ -9,15 +9,20 @@
 
 #include "inertia_basis.h"
 
-/* [r; v] in C to the end of a step, and the transition: the generated function stores it by columns. */
+/* A transition, which generated functions store by columns. */
+static void from_columns(const double columns[36], double F[6][6]) {
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) F[i][j] = columns[6 * j + i];
+}
+
+/* [r; v] in C to the end of a step, and the transition. */
 static void relative_step(double begin, double end, const double *elements, double x[6], double F[6][6]) {
     double from[6], columns[36], work[relative_SZ_W];
     for (int k = 0; k < 6; k++) from[k] = x[k];
     const double *arguments[relative_SZ_ARG] = {&begin, &end, elements, from};
     double *results[relative_SZ_RES] = {x, columns};
     relative(arguments, results, (int[relative_SZ_IW + 1]){0}, work, 0);
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) F[i][j] = columns[6 * j + i];
+    from_columns(columns, F);
 }
 
 /* By one step under J2: the target's place, (r, v) from the centre, and that of `relative_step`. */
@@ -27,8 +32,7 @@ static void oblate_step(double T, const double body[3], double place[6], double 
     const double *arguments[oblate_SZ_ARG] = {&T, body, there, from};
     double *results[oblate_SZ_RES] = {place, x, columns};
     oblate(arguments, results, (int[oblate_SZ_IW + 1]){0}, work, 0);
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) F[i][j] = columns[6 * j + i];
+    from_columns(columns, F);
 }
 
 /* The target's place at a time, on the ellipse that osculates. */
