@@ -146,7 +146,7 @@ def test_estimators_know_nothing_of_units_and_commands():
             assert "scripts" not in reached, name
 
 
-@pytest.mark.parametrize("population", ["second", "third"])
+@pytest.mark.parametrize("population", ["second", "third", "fourth"])
 def test_the_populations_share_no_truth(population):
     """What one draws wrongly, another may show: of the others each knows only what judging asks of a case."""
     first = "baryscope.study.population"

@@ -5,6 +5,7 @@ from functools import partial
 from typing import TypeVar
 
 from baryscope.study.population import cases, sensing
+from baryscope.study.population.fourth import cases as fourth_cases
 from baryscope.study.population.interface import Drawn, Sample
 from baryscope.study.population.second import cases as second_cases
 from baryscope.study.population.third import cases as third_cases
@@ -29,4 +30,5 @@ POPULATIONS: dict[str, Population] = {
     FIRST: _population(cases.drawn, sensing.sampled),
     "second": _population(second_cases.drawn, second_cases.sampled),
     "third": _population(third_cases.drawn, third_cases.sampled),
+    "fourth": _population(fourth_cases.drawn, fourth_cases.sampled),
 }
