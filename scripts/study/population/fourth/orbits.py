@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.fourth.chance import log_uniform
@@ -48,7 +49,8 @@ def state(orbit: Orbit, time: float) -> FloatArray:
     mean = np.remainder(start - e * np.sin(start) + mean_motion * time, 2 * np.pi)
     E = brentq(lambda x: x - e * np.sin(x) - mean, -1, 2 * np.pi + 1, xtol=1e-15, rtol=1e-15)
     c, s = np.cos(E), np.sin(E)
-    R = _about_z(orbit.raan) @ _about_x(orbit.inclination) @ _about_z(orbit.argument_of_periapsis)
+    angles = [orbit.raan, orbit.inclination, orbit.argument_of_periapsis]
+    R = Rotation.from_euler("ZXZ", angles).as_matrix()
     position = a * np.array([c - e, narrow * s, 0])
     velocity = a * mean_motion / (1 - e * c) * np.array([-s, narrow * c, 0])
     return np.concatenate([R @ position, R @ velocity])
@@ -60,13 +62,3 @@ def lvlh(target: FloatArray) -> FloatArray:
     x, h = r / np.linalg.norm(r), np.cross(r, v)
     z = h / np.linalg.norm(h)
     return np.column_stack([x, np.cross(z, x), z])
-
-
-def _about_z(angle: float) -> FloatArray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _about_x(angle: float) -> FloatArray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
