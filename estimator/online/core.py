@@ -6,6 +6,7 @@ from enum import IntEnum
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Self
 
 from baryscope.fmu.generate.codegen import c_source
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
@@ -21,6 +22,7 @@ from baryscope.fmu.units.filter import (
 )
 from baryscope.models.files import temporary_folder
 from baryscope.models.keplerian import ELEMENT_COUNT
+from baryscope.models.orbit import Orbit as KeplerOrbit
 
 __all__ = [
     "MOST_FEATURES",
@@ -66,6 +68,12 @@ class Orbit(ctypes.Structure):
         ("elements", _double * ELEMENT_COUNT),
         *((name, _double) for name in ("j2", "equatorial_radius", "epoch")),
     )
+
+    @classmethod
+    def of(cls, orbit: KeplerOrbit) -> Self:
+        """An orbit by its elements at time 0, and its J2."""
+        elements = (_double * ELEMENT_COUNT)(*orbit.elements)
+        return cls(elements, orbit.j2 or 0.0, orbit.equatorial_radius or 0.0, 0.0)
 
 
 class Options(ctypes.Structure):

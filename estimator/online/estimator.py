@@ -16,7 +16,6 @@ from baryscope.estimator.online import core
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
 from baryscope.models.arguments import array_of, number_within
 from baryscope.models.errors import InputError
-from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import brief
 
@@ -173,7 +172,7 @@ class OnlineEstimator:
             _within("thrust_std", thrust_std, 0.0, 1.0, "of the acceleration"),
             _within("longest_gap", longest_gap, FINEST, LATEST, "s"),
             float(orbit is not None),
-            core.Orbit() if orbit is None else _orbit(orbit),
+            core.Orbit() if orbit is None else core.Orbit.of(orbit),
         )
         self._library = library()
         self._memory = ctypes.create_string_buffer(self._library.online_size())
@@ -328,11 +327,6 @@ class OnlineEstimator:
         made = cls(1.0)
         ctypes.memmove(made._memory, memory, len(memory))
         return made
-
-
-def _orbit(orbit: Orbit) -> core.Orbit:
-    elements = (ctypes.c_double * ELEMENT_COUNT)(*orbit.elements)
-    return core.Orbit(elements, orbit.j2 or 0.0, orbit.equatorial_radius or 0.0, 0.0)
 
 
 def _within(name: str, value: float, low: float, high: float, unit: str) -> float:

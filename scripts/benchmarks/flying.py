@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.online import OnlineEstimator
+from baryscope.estimator.online import OnlineEstimator, core
 from baryscope.estimator.online.core import OFFSET, SPEED, THRUST, Options, Thrust, Tumble, compiled
 from baryscope.estimator.online.estimator import CAMERA, LONGEST_GAP
 from baryscope.fmu.generate import find_compiler
-from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_transition
@@ -92,8 +91,8 @@ def in_c(
 
     push: (n, 3), told, in C, m/s²; folder: for the program and its files.
     """
-    tracks, elements = seen.tracks, (ctypes.c_double * ELEMENT_COUNT)(*orbit.elements)
-    options = Options(sigma, OFFSET, SPEED, 0.0, THRUST, LONGEST_GAP, 1.0, elements)
+    tracks = seen.tracks
+    options = Options(sigma, OFFSET, SPEED, 0.0, THRUST, LONGEST_GAP, 1.0, core.Orbit.of(orbit))
     sizes = [*tracks.position.shape[:2], *map(ctypes.sizeof, (Options, Thrust, Tumble))]
     camera = np.broadcast_to(np.array(CAMERA), (len(push), 9))
     rows = np.concatenate([tracks.time[:, None], push, camera, tracks.position.reshape(len(push), -1)], axis=1)
