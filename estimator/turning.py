@@ -4,7 +4,8 @@ A point b of the body is at g + R b and has the velocity ġ + R (ω × b). Where
 rate are small, and to first order, with the arc of the attitude in second, all is told. Away from the tracks they grow
 with time, the more so as the inertia is uncertain: the motion of a body whose inertia is another is no multiple of a
 small change. There, members of the posterior at the end of the tracks are turned each by its own motion. Their mean and
-covariance at that end are exactly those of the posterior, so that to first order they are so everywhere.
+covariance at that end are exactly those of the posterior, so that to first order they are so everywhere. Features were
+seen until then: what errors of b and of the attitude or the axis displace together, the path has the opposite of.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
 
 from baryscope.estimator.dynamics.growth import rotation_growth
 from baryscope.estimator.dynamics.many_bodies import motions
@@ -108,8 +110,12 @@ class TurningPoint:
         root, others, rest = self._parts()
         ways = opposite_pairs(root.shape[1])
         went = ways @ others.T
-        arms = self._arms(ways @ root.T, self.b + went[:, count:], time)
+        changes = ways @ root.T
+        own = self._with_axis(changes, went[:, count:])
+        arms = self._arms(changes, self.b + own, time)
         members = arms + np.moveaxis(by_path @ went[:, :count].T, 2, 0)
+        carried_on = Turn.from_rotvec(changes[:, :3]).apply(own)
+        members[:, :, :3] -= ((carried_on - went[:, count:]) @ self.rotation.attitude.T)[:, None]  # as the path has it
         mean = members.mean(axis=0)
         off = members - mean
         turned = rotation_growth(
@@ -147,6 +153,17 @@ class TurningPoint:
         axes, values = axes[:, kept], np.sqrt(values[kept])
         along = (self.covariance[OF_MOTION:, :OF_MOTION] / size) @ axes / values
         return size[:, None] * axes * values, along, others - along @ along.T
+
+    def _with_axis(self, changes: FloatArray, of_b: FloatArray) -> FloatArray:
+        """The changes of b (m, 3) of members, turned as changes (m, 11) turn their axes of rotation.
+
+        Along the axis of a spin nothing tells b: what it changes by lies along each member's own axis, and stays there.
+        """
+        before, after = self.rotation.rate, self.rotation.rate + changes[:, 3:6]
+        across = np.cross(before, after)
+        sine = np.linalg.norm(across, axis=1, keepdims=True)
+        angle = np.arctan2(sine, (after @ before)[:, None])
+        return np.asarray(Turn.from_rotvec(angle * across / np.maximum(sine, 1e-300)).apply(of_b))
 
     def _arms(self, changes: FloatArray, b: FloatArray, time: FloatArray) -> FloatArray:
         """Position and velocity (m, n, 6) in C from the centre of mass of members: changes (m, 11), points b (m, 3)."""
