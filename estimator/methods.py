@@ -207,16 +207,19 @@ def estimate(
         tracks = replace(tracks, position=np.where(held[:, None, None], np.nan, tracks.position))
     if camera is not None:
         tracks = camera.inertial(tracks)
-    left_out = _held(tracks, held)
+    estimated = partial(METHODS[method], tracks, orbit=orbit, options=options, progress=progress)
+    return _without(tracks.time[held], estimated) if held.any() else estimated()
+
+
+def _without(held: NDArray[np.float64], estimated: Callable[[], Estimate]) -> Estimate:
+    """An estimate, or why there is none, that says that frames at times (k,) are held and left out.
+
+    Raises:
+        ComputationError: the other frames do not determine the unknowns.
+    """
+    left_out = HeldFrames(float(held[0]), float(held[-1]), len(held))
     try:
-        found = METHODS[method](tracks, orbit=orbit, options=options, progress=progress)
+        found = estimated()
     except ComputationError as error:
-        reason = "; ".join([str(error), *map(sentence, left_out)])
-        raise ComputationError(reason, error.reason) from error
-    return replace(found, findings=found.findings + left_out)
-
-
-def _held(tracks: FeatureTracks, held: NDArray[np.bool_]) -> tuple[HeldFrames, ...]:
-    """The finding of frames (n,) that are held, if there are any."""
-    times = tracks.time[held]
-    return (HeldFrames(float(times[0]), float(times[-1]), len(times)),) if len(times) else ()
+        raise ComputationError(f"{error}; {sentence(left_out)}", error.reason) from error
+    return replace(found, findings=(*found.findings, left_out))

@@ -88,9 +88,11 @@ class FrameChoices:
         orbit = None if self.orbit is None else load_orbit(self.orbit, epoch)
         if self.camera is None:
             return Frames(epoch, orbit, None)
-        found = Frames(epoch, orbit, Camera.load(_csv(self.camera), self.rig))
+        camera = Camera.load(_csv(self.camera), self.rig)
+        found = Frames(epoch, orbit, camera)
+        dated = found.dated(tracks)
         try:
-            found.inertial(found.dated(tracks))
+            camera.attitude.at(dated.time, dated.epoch)
         except InputError as error:
             raise InputError(f"{self.camera}: {error}") from error
         return found

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.orbit import EARTH_RADIUS, Orbit
-from baryscope.study.population.interface import Truth
+from baryscope.study.population.interface import Truth, turns
 from baryscope.study.population.motion import relative_motion, tumble
 
 FloatArray = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Case:
     @property
     def rotations(self) -> float:
         """How often the target turns while it is watched."""
-        return float(np.trapezoid(np.linalg.norm(self.rate, axis=1), self.time) / (2 * np.pi))
+        return turns(self.rate, self.time)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from baryscope.estimator import FeatureTracks
 from baryscope.models.orbit import Orbit
@@ -39,6 +40,11 @@ class Truth:
         """Position and velocity (k, 6) in C of a point (3,) in B from the centre of mass, m."""
         arm, speed = self.attitude @ point, np.cross(self.rate, point)
         return np.concatenate([self.path + arm, self.velocity + np.einsum("kij,kj->ki", self.attitude, speed)], axis=1)
+
+
+def turns(rate: FloatArray, time: FloatArray) -> float:
+    """How often a target of rates (n, 3), rad/s, turns over times (n,), s."""
+    return float(trapezoid(np.linalg.norm(rate, axis=1), time) / (2 * np.pi))
 
 
 class Drawn(Protocol):

@@ -17,7 +17,7 @@ from baryscope.study.population.fourth.sensor import Sensor
 from baryscope.study.population.fourth.timing import Timing
 from baryscope.study.population.fourth.tumble import Tumble
 from baryscope.study.population.fourth.views import View
-from baryscope.study.population.interface import BoolArray, FloatArray, Sample, Truth
+from baryscope.study.population.interface import BoolArray, FloatArray, Sample, Truth, turns
 
 CLEAN = 1e-7  # m
 TRIES = 1000  # of which a few do
@@ -94,7 +94,7 @@ class Case:
     @property
     def rotations(self) -> float:
         """How often the target turns while it is watched."""
-        return float(np.trapezoid(np.linalg.norm(self.rate, axis=1), self.time) / (2 * np.pi))
+        return turns(self.rate, self.time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from baryscope.estimator import FeatureTracks
 from baryscope.models.orbit import Orbit
-from baryscope.study.population.interface import FloatArray, Sample, Truth
+from baryscope.study.population.interface import FloatArray, Sample, Truth, turns
 from baryscope.study.population.third import blunders as all_blunders
 from baryscope.study.population.third import bodies, flight, laboratory, sensor, timing, tumble, view
 from baryscope.study.population.third.blunders import Blunders
@@ -57,8 +57,7 @@ class Case:
     @property
     def rotations(self) -> float:
         """How often the target turns while it is watched."""
-        speed = np.linalg.norm(self.rate, axis=1)
-        return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(self.time)) / (2 * np.pi))
+        return turns(self.rate, self.time)
 
 
 @dataclass(frozen=True, eq=False)

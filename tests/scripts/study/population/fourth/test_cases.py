@@ -1,7 +1,6 @@
 """Cases as a whole."""
 
 import json
-from dataclasses import asdict
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,7 @@ from baryscope.estimator import PathOptions, estimate
 from baryscope.study.population.__main__ import main
 from baryscope.study.population.fourth.cases import CLEAN, drawn, sampled
 from baryscope.study.population.fourth.chasers import FARTHEST, NEAREST
-from baryscope.study.population.judging import bounds_of
+from judged import assert_it_can_be_judged
 
 SEED, COUNT = 1, 24
 FAR, OBLATE = 13, 53  # four features 17 radii from the centre of mass; 2000 s about an oblate Earth
@@ -92,18 +91,7 @@ def test_covariances_are_true_where_their_scale_is_told():
 
 def test_what_judging_asks_for_is_there_and_finite():
     for case, sample in ((case_of(index), sample_of(index)) for index in range(0, COUNT, 3)):
-        frames, labels = len(case.time), len(case.points)
-        assert case.path_jacobian.shape == (frames, 3, 6)
-        assert case.turn.shape == (frames, 3, 8)
-        assert case.attitude.shape == (frames, 3, 3)
-        assert sample.right.shape == (frames, labels)
-        assert sample.precision.shape == (frames, labels, 3, 3)
-        assert not (sample.right & ~sample.tracks.seen).any()
-        assert case.radius > 0
-        json.dumps(asdict(case.sensor))
-        bounds = bounds_of(case, sample)
-        assert all(np.isfinite(value) and value >= 0 for value in bounds.values())
-        assert bounds["tumble orbit"] <= bounds["free orbit"] * (1 + 1e-6)
+        assert_it_can_be_judged(case, sample)
 
 
 @pytest.mark.parametrize("index", [FAR, OBLATE])

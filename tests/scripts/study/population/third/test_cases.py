@@ -1,15 +1,13 @@
 """Cases as a whole."""
 
-import json
-from dataclasses import asdict
 from functools import cache
 
 import numpy as np
 import pytest
 
-from baryscope.study.population.judging import bounds_of
 from baryscope.study.population.third.cases import CLEAN, drawn, sampled
 from baryscope.study.population.third.mismatches import KINDS, planned
+from judged import assert_it_can_be_judged
 
 SEED, COUNT = 1, 40
 WORDS = {  # that name a mismatch in the kind of a case, where they are not its name
@@ -83,18 +81,7 @@ def test_the_precision_is_that_of_the_noise_of_what_is_right():
 
 def test_what_judging_asks_for_is_there_and_finite():
     for case, sample in ((case_of(index), sample_of(index)) for index in range(COUNT)):
-        frames, labels = len(case.time), len(case.points)
-        assert case.path_jacobian.shape == (frames, 3, 6)
-        assert case.turn.shape == (frames, 3, 8)
-        assert case.attitude.shape == (frames, 3, 3)
-        assert sample.right.shape == (frames, labels)
-        assert sample.precision.shape == (frames, labels, 3, 3)
-        assert not (sample.right & ~sample.tracks.seen).any()
-        assert case.radius > 0
-        json.dumps(asdict(case.sensor))
-        bounds = bounds_of(case, sample)
-        assert all(np.isfinite(value) and value >= 0 for value in bounds.values())
-        assert bounds["tumble orbit"] <= bounds["free orbit"] * (1 + 1e-6)
+        assert_it_can_be_judged(case, sample)
 
 
 def test_rotations_are_the_turns_of_a_steady_spin():
