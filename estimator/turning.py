@@ -14,13 +14,12 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
 from baryscope.estimator.dynamics.growth import rotation_growth
 from baryscope.estimator.dynamics.many_bodies import motions
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation, diverged
 from baryscope.estimator.dynamics.torque import LastingTorque, Torque
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
@@ -114,7 +113,7 @@ class TurningPoint:
         own = self._with_axis(changes, went[:, count:])
         arms = self._arms(changes, self.b + own, time)
         members = arms + np.moveaxis(by_path @ went[:, :count].T, 2, 0)
-        carried_on = Turn.from_rotvec(changes[:, :3]).apply(own)
+        carried_on = _turned(changes[:, :3], own)
         members[:, :, :3] -= ((carried_on - went[:, count:]) @ self.rotation.attitude.T)[:, None]  # as the path has it
         mean = members.mean(axis=0)
         off = members - mean
@@ -163,7 +162,7 @@ class TurningPoint:
         across = np.cross(before, after)
         sine = np.linalg.norm(across, axis=1, keepdims=True)
         angle = np.arctan2(sine, (after @ before)[:, None])
-        return np.asarray(Turn.from_rotvec(angle * across / np.maximum(sine, 1e-300)).apply(of_b))
+        return _turned(angle * across / np.maximum(sine, 1e-300), of_b)
 
     def _arms(self, changes: FloatArray, b: FloatArray, time: FloatArray) -> FloatArray:
         """Position and velocity (m, n, 6) in C from the centre of mass of members: changes (m, 11), points b (m, 3)."""
@@ -176,6 +175,11 @@ class TurningPoint:
             if not len(left):
                 return arms
         raise diverged()
+
+
+def _turned(turn: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (m, 3) turned by rotation vectors (m, 3), rad."""
+    return np.asarray((exp_rotation(turn) @ vectors[:, :, None])[:, :, 0])
 
 
 @cache
