@@ -22,6 +22,7 @@ Transition = Callable[[FloatArray, FloatArray], FloatArray]
 PHASE = 0.05  # of the path's frequency times a step, at most: errors of (0.05)²/12 of the covariance
 MOST_STEPS = 1_000_000  # of one integration
 AT_ONCE = 10_000  # steps: some tens of megabytes
+MOST_TURNED = 3.0  # rad², of an attitude's three variances together: of one about which nothing is known it is no more
 POINTS, WEIGHTS = (np.polynomial.legendre.leggauss(2)[0] + 1) / 2, np.polynomial.legendre.leggauss(2)[1] / 2
 
 
@@ -55,7 +56,8 @@ def rotation_growth(
     """The covariance (n, 6, 6) of attitude (a rotation vector) and rate, both in B, by torque noise.
 
     motion: of the rotation, over a span that holds the other times; density: of the angular acceleration, rad²/s³;
-    begin, end, time: as for `path_growth`.
+    begin, end, time: as for `path_growth`. About the axis of middle inertia it grows exponentially; what is more than
+    MOST_TURNED is taken for that, and the rate's errors for as many times less.
 
     Raises:
         ComputationError: the times are too far away.
@@ -64,21 +66,27 @@ def rotation_growth(
     def transition(start: FloatArray, step: FloatArray) -> FloatArray:
         return rotation.transition(motion.at(start), motion.at(start + step))
 
-    return _grown(transition, rotation.longest_step, density, begin, end, time)
+    return _grown(transition, rotation.longest_step, density, begin, end, time, MOST_TURNED)
 
 
 def _grown(
-    transition: Transition, longest: float, density: float, begin: float, end: float, time: FloatArray
+    transition: Transition,
+    longest: float,
+    density: float,
+    begin: float,
+    end: float,
+    time: FloatArray,
+    most: float = np.inf,
 ) -> FloatArray:
-    """The covariance (n, 6, 6) at times (n,), by steps of at most `longest` s."""
+    """The covariance (n, 6, 6) at times (n,), by steps of at most `longest` s; most: of δ, see `_within`."""
     found = np.zeros((len(time), 6, 6))
     for origin, outside in ((begin, time < begin), (end, time > end)):
         if density > 0 and outside.any():
-            found[outside] = density * _from(transition, longest, origin, time[outside])
+            found[outside] = density * _from(transition, longest, origin, time[outside], most / density)
     return found
 
 
-def _from(transition: Transition, longest: float, origin: float, time: FloatArray) -> FloatArray:
+def _from(transition: Transition, longest: float, origin: float, time: FloatArray, most: float) -> FloatArray:
     """The covariance (n, 6, 6) by noise of a density of 1 from the origin to times (n,), all on the same side of it."""
     span = float(time[np.argmax(np.abs(time - origin))]) - origin
     if abs(span) > MOST_STEPS * longest:
@@ -92,10 +100,16 @@ def _from(transition: Transition, longest: float, origin: float, time: FloatArra
     whole, noise = _steps(transition, starts, np.full(steps, h))
     at_start = np.zeros((steps, 6, 6))
     for k in range(steps - 1):
-        at_start[k + 1] = whole[k] @ at_start[k] @ whole[k].T + noise[k]
+        at_start[k + 1] = _within(most, whole[k] @ at_start[k] @ whole[k].T + noise[k])
     step = np.clip(((time - origin) / h).astype(np.intp), 0, steps - 1)
     own, own_noise = _steps(transition, starts[step], time - starts[step])
-    return np.asarray(own @ at_start[step] @ np.swapaxes(own, 1, 2) + own_noise)
+    return _within(most, own @ at_start[step] @ np.swapaxes(own, 1, 2) + own_noise)
+
+
+def _within(most: float, covariance: FloatArray) -> FloatArray:
+    """Covariances (..., 6, 6), in proportion, where the variances of δ would be more than so much together."""
+    size = np.trace(covariance[..., :3, :3], axis1=-2, axis2=-1)
+    return np.asarray(covariance * (np.minimum(size, most) / np.where(size > 0, size, 1.0))[..., None, None])
 
 
 def _steps(transition: Transition, start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -164,8 +164,8 @@ def too_long(rate: float, span: float) -> ComputationError:
 
 def diverged() -> ComputationError:
     """The error to raise if a rotation cannot be integrated."""
-    why = "the integration of the rotation diverges: over so long a time the gravity gradient makes it chaotic"
-    return ComputationError(why, Reason.DIVERGED)
+    why = "about the axis of middle inertia, or by the gravity gradient, small changes of it grow without bound"
+    return ComputationError(f"the integration of the rotation diverges over so long a time: {why}", Reason.DIVERGED)
 
 
 def _span(epoch: float, time: FloatArray) -> float:

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
+from baryscope.estimator.dynamics.growth import MOST_TURNED, path_growth, rotation_growth
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
@@ -20,6 +20,7 @@ from oracles import propagate_kepler
 from synthetic import ENVISAT, MU, attitude
 
 DENSITY, END = 3e-6, 100.0
+TORQUE = 1e-10  # rad²/s³: of a rotation, which a greater density turns by more than is linear
 ORBIT = Orbit(7150e3, 0.0, 0.0)  # a circle in the plane z = 0, from the x axis
 
 
@@ -102,10 +103,10 @@ def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks(T):
             R_kicked, end_kicked = flown(rate + kick * axis, T - s)
             turn = ScipyRotation.from_matrix(R.T @ R_kicked).as_rotvec()
             response = np.concatenate([turn, end_kicked - end]) / kick
-            expected += DENSITY * weight * np.outer(response, response)
+            expected += TORQUE * weight * np.outer(response, response)
     rotation = Rotation(0.0, np.eye(3), RATE, ENVISAT)
     motion, time = rotation.at(np.array([0.0, END, origin + T])), np.array([origin + T])
-    found = rotation_growth(rotation, motion, DENSITY, 0.0, END, time)[0]
+    found = rotation_growth(rotation, motion, TORQUE, 0.0, END, time)[0]
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
 
@@ -121,11 +122,24 @@ def test_the_gravity_gradient_turns_what_the_noise_has_caused():
     for s, R, rate, weight in zip(pushed, states.attitude, states.rate, weights * T / 2, strict=True):
         end = Rotation(float(s), R, rate, ENVISAT, ORBIT).at(np.array([origin + T]))
         response = np.concatenate([end.turn[0, :, :3], end.rate_sensitivity[0, :, :3]])
-        expected += DENSITY * weight * response @ response.T
+        expected += TORQUE * weight * response @ response.T
     found, free = (
-        rotation_growth(one, one.at(np.array([-1.0, T])), DENSITY, -1.0, origin, np.array([origin + T]))[0]
+        rotation_growth(one, one.at(np.array([-1.0, T])), TORQUE, -1.0, origin, np.array([origin + T]))[0]
         for one in (rotation, replace(rotation, orbit=None))
     )
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
     assert abs(np.trace(free) / np.trace(found) - 1) > 0.01  # it makes a difference
+
+
+def test_about_the_axis_of_middle_inertia_it_grows_until_nothing_is_known_of_the_attitude():
+    """What changes the rate by 3e-12 rad/s in a second is e times as much every three seconds, for 400 of them."""
+    inertia = np.diag([0.05, 0.42, 0.53])
+    rotation = Rotation(0.0, np.eye(3), np.array([0.0, 0.25, 0.0]), inertia)
+    time = np.array([1.0, 10.0, 50.0, 150.0, 400.0])
+    found = rotation_growth(rotation, rotation.at(time), 1e-23, -1.0, 0.0, time)
+    of_turn = np.trace(found[:, :3, :3], axis1=1, axis2=2)
+    np.testing.assert_allclose(of_turn[-2:], MOST_TURNED, rtol=1e-12)
+    assert of_turn[2] < 1e-6
+    scale = np.sqrt(np.diagonal(found, axis1=1, axis2=2))
+    assert np.linalg.eigvalsh(found / scale[:, :, None] / scale[:, None, :]).min() > -1e-9
