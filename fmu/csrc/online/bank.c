@@ -45,6 +45,10 @@ static ALWAYS_INLINE void add_noise(int L, const double *density, double T, doub
 #define BENDS(deviation, T) {.white = LEAST_DENSITY, .jerk = (deviation) * (deviation) / (T), .bend = (deviation)}
 #define BENDS_OF_ALL_SIZES(T) BENDS(1e-8, T), BENDS(1e-7, T), BENDS(1e-6, T), BENDS(1e-5, T), BENDS(1e-4, T), BENDS(1e-3, T), BENDS(1e-2, T), BENDS(1e-1, T)
 
+/* On an orbit what bends a path is drag, light, J2 or an orbit that is told wrong. In the axes of LVLH that stays nearly as it is: a random walk makes another of it in five low
+   orbits, and changes it by half of its deviation in one, as the air does from day to night. */
+#define SPAN_OF_FORCES 30000.0 /* s */
+
 /* Thrusters that change by a part of what is told of them in 1000 s. */
 #define CHANGES(part) {.white = LEAST_DENSITY, .wander = (part) * (part) / 1000.0}
 

@@ -33,6 +33,7 @@ static void append_transition(Transition *transition, const Transition *by) {
     transition->pushes[0] = before_it[0] + T * (2.0 * before_it[2] + T * before_it[1]) + by->pushes[0];
     transition->pushes[1] = before_it[1] + by->pushes[1];
     transition->pushes[2] = before_it[2] + T * before_it[1] + by->pushes[2];
+    for (int k = 0; k < 3; k++) transition->turn[k] += by->turn[k];
     transition->span += T;
 }
 
@@ -105,6 +106,7 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
 /* (r, v) and what is known go on by one step of a manoeuvre, whose last one ends with it; the transition is without its step. */
 static void step_on(const Online *filter, OnlineOrbit *orbit, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
+    turn_of_lvlh(&filter->options, orbit, begin, end, transition->turn);
     propagate(&filter->options, orbit, begin, end, x, transition->F);
     displace(transition->span, transition->F, manoeuvre->acceleration, manoeuvre->pushed);
     if (end == manoeuvre->end) {

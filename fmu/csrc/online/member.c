@@ -57,11 +57,33 @@ static ALWAYS_INLINE void spread(int L, int n, int bent, const Transition *trans
     }
 }
 
+/* Accelerations of L members, whose errors are n, turn with the axes in which they stay. */
+static ALWAYS_INLINE void turn_bend(int L, int n, const double turn[3], double *restrict x, double *restrict P) {
+    double R[3][3], to[3][ERRORS * ABREAST];
+    rotation(turn, R);
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < L; j++) to[k][j] = by_column(3, R[k], x + PATH_AND_MAP * L + j, L);
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < L; j++) x[(PATH_AND_MAP + k) * L + j] = to[k][j];
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < n * L; j++) to[k][j] = by_column(3, R[k], P + ROW(L, PATH_AND_MAP, 0) + j, ERRORS * L);
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < n * L; j++) P[ROW(L, PATH_AND_MAP + k, 0) + j] = to[k][j];
+    for (int a = 0; a < n; a++) {
+        double *row = P + ROW(L, a, PATH_AND_MAP);
+        for (int k = 0; k < 3; k++)
+            for (int m = 0; m < L; m++) to[k][m] = by_column(3, R[k], row + m, L);
+        for (int k = 0; k < 3; k++)
+            for (int m = 0; m < L; m++) row[k * L + m] = to[k][m];
+    }
+}
+
 static ALWAYS_INLINE void transit_abreast(int L, int manoeuvred, int bent, const Transition *transition, double *x, double *P) {
     if (manoeuvred && bent) spread(L, ERRORS, 1, transition, x, P);
     else if (manoeuvred) spread(L, UNBENT, 0, transition, x, P);
     else if (bent) spread(L, MOTION, 1, transition, x, P);
     else spread(L, PATH_AND_MAP, 0, transition, x, P);
+    if (bent && dot(transition->turn, transition->turn) > 0.0) turn_bend(L, manoeuvred ? ERRORS : MOTION, transition->turn, x, P);
 }
 
 WIDE static void transit(Member *member, const Transition *transition) {
@@ -103,6 +125,7 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
 /* The process noise of a kind. */
 static ProcessNoise noise_of(const OnlineOptions *options, double steady) {
     ProcessNoise noise = PROCESS_NOISE[(int)steady];
+    if (options->on_orbit != 0.0) noise.jerk = noise.bend * noise.bend / SPAN_OF_FORCES;
     noise.wander *= options->thrust * options->thrust, noise.execution *= options->thrust * options->thrust;
     return noise;
 }

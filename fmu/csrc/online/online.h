@@ -169,10 +169,11 @@ typedef struct {
     double pending;        /* 1: the large filter has not jumped */
 } Jump;
 
-/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. pushes: what its pushes, each in a
+/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. turn: by which rotation vector in C the axes turn in which an
+   acceleration stays. pushes: what its pushes, each in a
    direction of its own, make of (r, v) if they are wrong by their own size: variances of a coordinate of r and v, and what both have in common. */
 typedef struct {
-    double span, step[6], F[6][6], by_thrust[6][OF_THRUST], pushes[3];
+    double span, turn[3], step[6], F[6][6], by_thrust[6][OF_THRUST], pushes[3];
 } Transition;
 
 /* What moves the chaser until `end`: by how much it is moved then, (r, v) in C, and an acceleration meanwhile, by which it is

@@ -12,6 +12,16 @@ static double arcs_between(const OnlineOrbit *orbit, double begin, double end, d
     return fmax(1.0, ceil(fabs(end - begin) * rate / arc));
 }
 
+/* By which rotation vector in C the axes of LVLH turn from one time to another, in a small arc; zero without an orbit. */
+static void turn_of_lvlh(const OnlineOptions *options, const OnlineOrbit *orbit, double begin, double end, double turn[3]) {
+    double place[6];
+    for (int k = 0; k < 3; k++) turn[k] = 0.0;
+    if (options->on_orbit == 0.0) return;
+    place_on(orbit, 0.5 * (begin + end), place);
+    cross(place, &place[3], turn);
+    for (int k = 0; k < 3; k++) turn[k] *= (end - begin) / dot(place, place);
+}
+
 /* In how many steps to go, for the noise's sake. */
 static int steps_between(const OnlineOptions *options, double begin, double end) {
     return options->on_orbit == 0.0 || !(end > begin) ? 1 : (int)fmin(arcs_between(&options->orbit, begin, end, NOISE_ARC), 200.0);

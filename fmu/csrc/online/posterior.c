@@ -55,7 +55,7 @@ static void propagated_bank(const Online *filter, const Transition *transition, 
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
    those whose path does stand for themselves. */
-static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], Posterior *posterior) {
+static void combine(const OnlineOptions *options, const Member *large, const PackedMember bank[MEMBERS + 1], Posterior *posterior) {
     double x[2][ERRORS], P[2][ERRORS][ERRORS], more[PATH_AND_MAP][PATH_AND_MAP], share[2], white = 0.0;
     *posterior = (Posterior){.errors = fmax(large->errors, MOTION)};
     const int n = (int)posterior->errors;
@@ -73,7 +73,7 @@ static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], P
         }
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        ProcessNoise noise = PROCESS_NOISE[(int)bank[m].steady];
+        ProcessNoise noise = noise_of(options, bank[m].steady);
         double part = exp(bank[m].weight) / sum;
         white += part * log(noise.white), posterior->jerk += part * noise.jerk;
         posterior->wander += part * noise.wander, posterior->execution += part * noise.execution;
@@ -111,8 +111,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     if (taken && !take_measurement(&filter->options, bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
-    combine(&large, bank, posterior);
-    posterior->wander *= filter->options.thrust * filter->options.thrust, posterior->execution *= filter->options.thrust * filter->options.thrust;
+    combine(&filter->options, &large, bank, posterior);
     posterior->seems = seeming_part(filter, posterior);
 }
 
