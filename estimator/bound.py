@@ -131,7 +131,8 @@ def cramer_rao_bound(
     drifting features are not taken into account. A constant acceleration of the chaser is known to the estimator, and
     of white noise of its thrusters (`acceleration_noise`) the density.
 
-    process_noise: density of further white acceleration beside the path's model, m²/s³; acceleration_scale: standard
+    process_noise: density of further white acceleration beside the path's model, m²/s³, none of a fixed one;
+    acceleration_scale: standard
     deviation of the scale with which the chaser's acceleration is measured; consider: what is uncertain about the
     camera, which looks at the target; predict: how long after the last frame `predicted_covariance` is, s. The unknowns
     they add have priors, so this is the posterior bound (Van Trees 1968), for the mean over their draws.
@@ -220,6 +221,9 @@ def _path(scenario: Scenario, known: _Known, time: FloatArray, errors: SharedErr
     kind, logged = trajectory_of(known.trajectory, scenario.orbit), _logged(scenario, known, time)
     if kind.kind == "polynomial" and kind.degree is None:
         raise InputError("trajectory is polynomial, expected its degree for a bound, polynomial:N")
+    if kind.degree == 0 and known.process_noise > 0:
+        found = f"{known.process_noise:g} m²/s³, with the thrusters' noise"
+        raise InputError(f"process_noise is {found}, expected 0 where the trajectory is fixed")
     options = PathOptions(known.trajectory, acceleration=logged, process_noise=known.process_noise or "none")
     return chosen_path(options, scenario.orbit, float(time[0]), float(time[-1]), errors)
 

@@ -60,7 +60,8 @@ class PathOptions:
     covariances depend on the measured range (stereo) or not (fixed), or whether they themselves tell (auto); torque on
     the target, for `ml` and `ekf`.
 
-    process_noise: density of the white acceleration on the path, m²/s³; torque_noise: density of the white angular
+    process_noise: density of the white acceleration on the path, m²/s³, or, of a fixed one, the variance of the white
+    noise of its position, m², as of a pivot that slips; torque_noise: density of the white angular
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
     exactly.
 
@@ -95,7 +96,7 @@ class PathOptions:
         _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
         if not isinstance(self.acceleration, KnownAcceleration | None):
             raise InputError(f"acceleration: found {type(self.acceleration).__name__}, expected KnownAcceleration")
-        for name, unit in (("process_noise", "m²/s³"), ("torque_noise", "rad²/s³")):
+        for name, unit in (("process_noise", "m²/s³, of a fixed path m²"), ("torque_noise", "rad²/s³")):
             if isinstance(getattr(self, name), str):
                 _check_one_of(name, getattr(self, name), ("auto", "none"))
             else:

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.hyperparameters.integration import Posterior
+from baryscope.estimator.options import Density
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
-from baryscope.estimator.paths.process_noise import DENSITY, noise_in
+from baryscope.estimator.paths.process_noise import DENSITY, noise_in, told_slip
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.result import ProcessNoise
@@ -15,11 +16,15 @@ from baryscope.estimator.result import ProcessNoise
 FloatArray = NDArray[np.float64]
 
 
-def process_noise_of(path: Path, sampled: SampledPath, x: FloatArray, prior: Prior, found: Posterior) -> ProcessNoise:
+def process_noise_of(
+    path: Path, sampled: SampledPath, x: FloatArray, prior: Prior, found: Posterior, asked: Density
+) -> ProcessNoise:
     """The process noise of a path with unknowns x (p,), sampled at the tracks' times.
 
-    found: the posterior of the hyperparameters of the prior.
+    found: the posterior of the hyperparameters of the prior; asked: what the options ask for.
     """
+    if (slip := told_slip(path, asked)) > 0:
+        return ProcessNoise("given", slip, of_position=True)
     noise = noise_in(path)
     if noise is None:
         return ProcessNoise("none", 0.0)

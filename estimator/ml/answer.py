@@ -95,7 +95,7 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
         details=_details(best, attached, pivot.slip),
         wall_time=0.0,
         forces=factors_of(best.path, best.x, of_x),
-        process_noise=process_noise_of(best.path, itself, best.x, prior, own),
+        process_noise=process_noise_of(best.path, itself, best.x, prior, own, options.process_noise),
         predictor=PredictedBody(
             path=of_path,
             rotation=best.rotation,

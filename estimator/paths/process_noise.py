@@ -149,13 +149,19 @@ def lasting_variance(change: FloatArray, density: float, duration: float) -> flo
 def disturbed(path: Path, noise: Density, begin: float, end: float, known: float = 0.0) -> Path:
     """The path with process noise over begin … end in s: of a density in m²/s³, of an unknown one (auto), or none.
 
-    A fixed point has none unless a density is given. known: the density of a noise that comes to it, m²/s³.
+    A fixed point has none: what moves it, it slips by (`PathOptions`). known: the density of a noise that comes to it,
+    m²/s³.
     """
     end = max(end, begin + SHORTEST)
     if noise == "auto" and path.name != FIXED:
         return ProcessNoisePath(path, begin, end, least=known)
-    density = known + (0.0 if isinstance(noise, str) else noise)
+    density = known + (0.0 if isinstance(noise, str) or path.name == FIXED else noise)
     return ProcessNoisePath(path, begin, end, density=density) if density > 0 else path
+
+
+def told_slip(path: Path, noise: Density) -> float:
+    """The variance of white noise of a fixed point's position that is given, m²; else 0."""
+    return 0.0 if isinstance(noise, str) or path.name != FIXED else noise
 
 
 def noise_in(path: Path) -> ProcessNoisePath | None:

@@ -85,7 +85,9 @@ def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOption
         details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points), found.slip),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(found.path, x, of_x),
-        process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),
+        process_noise=process_noise_of(
+            found.path, found.sampled, x, found.path.prior, found.posterior, options.process_noise
+        ),
         predictor=predictor,
     )
 

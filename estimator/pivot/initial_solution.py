@@ -27,7 +27,7 @@ class InitialSolution:
     their own. lasting: how many frames have the same errors of the features, as the registered bodies tell; variance:
     of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a simple path,
     which holds until the weights have settled; slips: whether the position may have white noise, as that of a pivot
-    that slips, or of a camera that shakes.
+    that slips, or of a camera that shakes; slip: its variance, m², if that is given.
     """
 
     path: Path
@@ -45,6 +45,7 @@ class InitialSolution:
     errors: SharedErrors | None = None
     first_prior: Prior | None = None
     slips: bool = False
+    slip: float = 0.0
 
     def on(self, path: Path, sampled: SampledPath, x: FloatArray) -> "InitialSolution":
         """The start on another path, sampled at the times, with unknowns x (p,) that are good enough for its prior."""

@@ -23,7 +23,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.orbits.push import unknown_push
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
-from baryscope.estimator.paths.process_noise import DENSITY
+from baryscope.estimator.paths.process_noise import DENSITY, told_slip
 from baryscope.estimator.paths.trajectory import SMOOTH_DEGREES, Trajectory, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.burns.poses import KnownPoses
@@ -203,7 +203,7 @@ def _of_chosen_degree(
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, float(time[0]), float(time[-1]), errors, highest)
         try:
-            start = replace(data.start(path), slips=slips)
+            start = replace(data.start(path), slips=slips, slip=told_slip(path, options.process_noise))
             found = _refined(start, options)
         except ComputationError:
             if best is None:

@@ -85,7 +85,7 @@ class _Refinement:
         if start.measured.precision is not None:
             self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
-        self.errors = LastingAndShared(start.lasting)
+        self.errors = LastingAndShared(start.lasting, start.slip)
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.posed, self.extended = False, False, False

@@ -249,6 +249,8 @@ def test_scenarios_without_a_bound_are_refused():
         cramer_rao_bound(scenario(), trajectory="polynomial")
     with pytest.raises(InputError, match=r"process_noise is -1\.0, expected 0 to"):
         cramer_rao_bound(scenario(), process_noise=-1.0)
+    with pytest.raises(InputError, match=r"process_noise is 1e-06 m²/s³.*expected 0 where the trajectory is fixed"):
+        cramer_rao_bound(scenario(), trajectory="fixed", process_noise=1e-6)
     with pytest.raises(InputError, match="predict is inf, expected 0 to"):
         cramer_rao_bound(scenario(), predict=np.inf)
 

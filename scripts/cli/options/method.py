@@ -44,8 +44,9 @@ class PathChoices:
         Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the likelier one;
         with ml both are in the covariance where the tracks do not decide.
     process_noise
-        What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³; auto,
-        estimated from the tracks; or none, the model holds exactly. Default: auto.
+        What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³, or,
+        of a fixed one, as white noise of the position: its variance in m²; auto, estimated from the tracks; or none,
+        the model holds exactly. Default: auto.
     unknown_burns
         Burns of the chaser that no log tells of (pivot, ml, ekf; on a relative orbit, or a polynomial whose degree the
         data choose): auto, found in the tracks and listed, their cost being in the covariance; or none. Default: auto.

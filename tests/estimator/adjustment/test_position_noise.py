@@ -1,9 +1,12 @@
 """White noise of the position from frame to frame: its variance, and what it costs a pivot that slips."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.adjustment.observations import Observations
@@ -42,6 +45,23 @@ def test_a_pivot_that_slips_is_found_and_covered(method, trajectory, draws):
     # 600 values give the deviation to 3 %; the mean of n values of χ²₃ has a standard deviation of √(6/n).
     assert np.median(noises) == pytest.approx(SLIP, rel=0.1)
     assert np.mean(squares) < 3 + 4 * np.sqrt(6 / draws)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_a_slip_that_is_given_is_one_of_the_position_in_every_method(method):
+    """Its variance is m². `pivot` and `ml` took it for a density of acceleration, in m²/s³: the centre of mass was
+    decimetres away, and the status good."""
+    for com, case in cases(SLIP, 2):
+        options = PathOptions(trajectory="fixed", process_noise=SLIP**2)
+        found = estimate(case.tracks, method=method, options=options)
+        left = estimate(case.tracks, method=method, options=replace(options, process_noise="auto"))
+        error = found.position[100] - com[100]
+        assert found.status.trustworthy
+        assert (found.process_noise.source, found.process_noise.of_position) == ("given", True)
+        assert found.process_noise.density == SLIP**2
+        assert error @ np.linalg.solve(found.covariance[100], error) < chi2.ppf(1 - 1e-4, 3)
+        # Estimated to 3 % of its deviation, it costs the same.
+        np.testing.assert_allclose(found.covariance[100], left.covariance[100], rtol=0.3, atol=1e-9)
 
 
 @pytest.mark.parametrize(("method", "draws"), [("pivot", 5), ("ml", 3)])

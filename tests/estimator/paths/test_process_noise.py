@@ -5,7 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.paths.path import Polynomial
-from baryscope.estimator.paths.process_noise import ProcessNoisePath, disturbed, enriched, free_modes, wave_numbers
+from baryscope.estimator.paths.process_noise import (
+    ProcessNoisePath,
+    disturbed,
+    enriched,
+    free_modes,
+    told_slip,
+    wave_numbers,
+)
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import EARTH_MU, Orbit
@@ -88,6 +95,8 @@ def test_noise_is_none_given_or_unknown():
     fixed, line = Polynomial(0, 0.0, 1.0), Polynomial(1, 0.0, 1.0)
     assert disturbed(line, "none", 0.0, 1.0) is line
     assert disturbed(fixed, "auto", 0.0, 1.0) is fixed
+    assert disturbed(fixed, 1e-6, 0.0, 1.0) is fixed  # of its position
+    assert (told_slip(fixed, 1e-6), told_slip(fixed, "auto"), told_slip(line, 1e-6)) == (1e-6, 0.0, 0.0)
     assert [one.name for one in disturbed(line, "auto", 0.0, 1.0).prior.hyperparameters] == ["process noise"]
     given = disturbed(line, 1e-6, 0.0, 1.0).prior
     assert given.hyperparameters == ()
