@@ -22,6 +22,7 @@ from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.result import Estimate, Status
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Estimate",
     "Failure",
     "FeatureTracks",
+    "KnownAcceleration",
     "PathOptions",
     "Prediction",
     "Rig",

@@ -65,7 +65,8 @@ class PathOptions:
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
     exactly.
 
-    acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and `ekf`; constant_acceleration: an
+    acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and, if it is exact or its noise white,
+    `ekf`; constant_acceleration: an
     unknown one of the target less the chaser, in LVLH or inertial axes, against the target's way through the air, away
     from the Sun, or none, for `pivot` and `ml`.
 

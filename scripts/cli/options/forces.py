@@ -31,10 +31,11 @@ class ForceChoices:
         Axes of --acceleration: inertial, those of the tracks; lvlh, of the target, with --orbit; or camera, with
         --camera. Default: inertial.
     acceleration_scale
-        Standard deviation of the relative error of the accelerometer's scale, which is then estimated. Default: 0.
+        Standard deviation of the relative error of the accelerometer's scale, which is then estimated (pivot, ml).
+        Default: 0.
     acceleration_firing
         Standard deviation of each coordinate's error in a firing, over the acceleration's magnitude, independent from
-        firing to firing (a zero row ends one). Default: 0.
+        firing to firing (pivot, ml; a zero row ends one). Default: 0.
     acceleration_noise
         Density of the accelerometer's white noise, m²/s³, the least process noise. Default: 0.
     constant_acceleration

@@ -42,6 +42,9 @@ class FrameChoices:
     orbit
         The target's orbit: a TOML file with a table [orbit], which `baryscope simulate` writes beside its tracks, or a
         TLE, OMM or OEM. The axes of the tracks are those of the orbit: TEME for a TLE or OMM.
+    orbit_accuracy
+        Standard deviation of the target's place along --orbit and across it, m; 0: exact. Default: what the file tells;
+        if it tells nothing, as an OEM, an error is allowed for where the tracks do not exclude it.
     epoch
         UTC of time 0, for a TLE, OMM, OEM, an orbit with an epoch, or a camera's attitude at UTC times. Default: that
         of tracks with UTC times.
@@ -54,6 +57,7 @@ class FrameChoices:
     """
 
     orbit: Path | None = None
+    orbit_accuracy: float | None = None
     epoch: str | None = None
     camera: Path | None = None
     rig: Path | None = None
@@ -62,8 +66,11 @@ class FrameChoices:
         """Check the options before anything is read; acceleration: a file whose times may be UTC.
 
         Raises:
-            InputError: a rig without a camera, an epoch that is no UTC, or one that nothing needs.
+            InputError: a rig without a camera, an accuracy without an orbit, an epoch that is no UTC, or one that
+                nothing needs.
         """
+        if self.orbit_accuracy is not None and self.orbit is None:
+            raise InputError("--orbit-accuracy: needs the target's orbit, expected --orbit ORBIT")
         if self.rig is not None and self.camera is None:
             raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
         if self.epoch is not None:
@@ -85,7 +92,7 @@ class FrameChoices:
             InputError: a file is wrong, option and tracks both give the epoch, or the attitude lacks a time of theirs.
         """
         epoch = self._epoch_of(tracks)
-        orbit = None if self.orbit is None else load_orbit(self.orbit, epoch)
+        orbit = self._orbit(epoch)
         if self.camera is None:
             return Frames(epoch, orbit, None)
         camera = Camera.load(_csv(self.camera), self.rig)
@@ -96,6 +103,22 @@ class FrameChoices:
         except InputError as error:
             raise InputError(f"{self.camera}: {error}") from error
         return found
+
+    def _orbit(self, epoch: str | None) -> Orbit | None:
+        """The orbit from its file, as exact as the command line tells; epoch: UTC of time 0, if known.
+
+        Raises:
+            InputError: the file or the accuracy is wrong.
+        """
+        if self.orbit is None:
+            return None
+        orbit = load_orbit(self.orbit, epoch)
+        if self.orbit_accuracy is None:
+            return orbit
+        try:
+            return replace(orbit, accuracy=self.orbit_accuracy)
+        except InputError as error:
+            raise InputError(f"--orbit-accuracy: {error}") from error
 
     def _epoch_of(self, tracks: FeatureTracks) -> str | None:
         """The UTC of time 0 in ISO 8601, as given on the command line or by the tracks.
