@@ -80,7 +80,7 @@ def test_a_ridge_that_leads_to_where_no_path_is_ends_there(monkeypatch: pytest.M
 
 @pytest.mark.parametrize(("degrees", "noise", "seed"), [(150, 0.1, 2), (60, 0.1, 2), (150, 0.2, 4)])
 def test_departures_are_those_of_the_least_squares_of_all_unknowns(degrees: float, noise: float, seed: int):
-    """The widest direction's, by scipy's trust region over positions, points and rotations, held at the nodes."""
+    """The widest direction's, by MINPACK over positions, points and rotations, held at the nodes."""
     found = turned(noise, degrees, seed=seed)
     covariance = without_spurious_information(found)
     values, axes = np.linalg.eigh(covariance.of_x)
@@ -107,8 +107,22 @@ def held_at(found: PivotSolution, axis: FloatArray, place: float) -> FloatArray:
         prior = np.sqrt(found.regularisation.prior) * points.mean(axis=0)
         return np.concatenate([off.ravel(), prior, [1e3 * (axis @ y[:3] - place)]])
 
+    def jacobian(y: FloatArray) -> FloatArray:
+        """By differences: a rotation moves its own frame alone, so that those of all frames are moved at once."""
+        here, step, alone = residuals(y), 1e-7, 3 + 3 * features
+        moved = [(residuals(y + step * one) - here) / step for one in np.eye(len(y))[:alone]]
+        found = np.zeros((len(here), len(y)))
+        found[:, :alone] = np.transpose(moved)
+        for axis in range(3):
+            turned = y.copy()
+            turned[alone + axis :: 3] += step
+            change = (residuals(turned) - here)[: frames * features * 3].reshape(frames, -1) / step
+            for k in range(frames):
+                found[k * features * 3 : (k + 1) * features * 3, alone + 3 * k + axis] = change[k]
+        return found
+
     start = np.zeros(3 + 3 * features + 3 * frames)
-    return np.asarray(least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3])
+    return np.asarray(least_squares(residuals, start, jacobian, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3])
 
 
 def test_covariances_of_hardly_observable_cases_hold():
