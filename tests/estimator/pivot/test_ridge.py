@@ -122,7 +122,9 @@ def held_at(found: PivotSolution, axis: FloatArray, place: float) -> FloatArray:
         return found
 
     start = np.zeros(3 + 3 * features + 3 * frames)
-    return np.asarray(least_squares(residuals, start, jacobian, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3])
+    return np.asarray(
+        least_squares(residuals, start, jacobian, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3]
+    )
 
 
 def test_covariances_of_hardly_observable_cases_hold():
