@@ -29,7 +29,7 @@ Changed = Callable[[FloatArray, FloatArray, FloatArray], Rotation]
 OF_MOTION = 11  # unknowns: attitude, rate and inertia
 PAIRS = 64  # of members, opposite to each other
 UNTOLD = 1e-12  # least eigenvalue of a correlation matrix that counts
-MOST_NODES = 20_000  # of the rotation, half a radian each: a quarter of a minute for all members
+MOST_NODES = 20_000  # of a member in the mean, half a radian each: a quarter of a minute for all members
 SHORTER = (1.0, 0.5, 0.25, 0.0)  # of a member's way, until its motion can be followed
 
 
@@ -98,18 +98,12 @@ class TurningPoint:
         Raises:
             ComputationError: the rotation cannot be followed so far.
         """
-        if not self.rotation.reaches(time, MOST_NODES):
-            far, most = float(np.abs(time - self.rotation.epoch).max()), MOST_NODES * self.rotation.longest_step
-            raise ComputationError(
-                f"times: found {far:.3g} s away from the tracks, expected {most:.3g} s at most for a point: the target "
-                f"turns at {np.linalg.norm(self.rotation.rate):.3g} rad/s",
-                Reason.TOO_LONG,
-            )
-        motion, count = self.rotation.at(time), by_path.shape[2]
         root, others, rest = self._parts()
         ways = opposite_pairs(root.shape[1])
         went = ways @ others.T
         changes = ways @ root.T
+        self._refuse_too_many_turns(changes, time)
+        motion, count = self.rotation.at(time), by_path.shape[2]
         own = self._with_axis(changes, went[:, count:])
         arms = self._arms(changes, self.b + own, time)
         members = arms + np.moveaxis(by_path @ went[:, :count].T, 2, 0)
@@ -164,11 +158,31 @@ class TurningPoint:
         angle = np.arctan2(sine, (after @ before)[:, None])
         return _turned(angle * across / np.maximum(sine, 1e-300), of_b)
 
+    def _refuse_too_many_turns(self, changes: FloatArray, time: FloatArray) -> None:
+        """Refuse times (n,) to which members, of changes (m, 11), turn more often than can be followed.
+
+        Raises:
+            ComputationError: they do.
+        """
+        far = float(np.abs(time - self.rotation.epoch).max(initial=0.0))
+        nodes = far * float(np.mean([1 / one.longest_step for one in self._members(changes)]))
+        if nodes > MOST_NODES:
+            rate, off = np.linalg.norm(self.rotation.rate), np.sqrt((changes[:, 3:6] ** 2).sum(axis=1).mean())
+            raise ComputationError(
+                f"times: found {far:.3g} s away from the tracks, expected {far * MOST_NODES / nodes:.3g} s at most for "
+                f"a point: the target turns at {rate:.3g} ± {off:.2g} rad/s",
+                Reason.TOO_LONG,
+            )
+
+    def _members(self, changes: FloatArray) -> list[Rotation]:
+        """The rotations of members, of changes (m, 11)."""
+        return [self.changed(*np.split(one, [3, 6])) for one in changes]
+
     def _arms(self, changes: FloatArray, b: FloatArray, time: FloatArray) -> FloatArray:
         """Position and velocity (m, n, 6) in C from the centre of mass of members: changes (m, 11), points b (m, 3)."""
         arms, left = np.empty((len(changes), len(time), 6)), np.arange(len(changes))
         for share in SHORTER:
-            R, rate, followed = motions([self.changed(*np.split(share * one, [3, 6])) for one in changes[left]], time)
+            R, rate, followed = motions(self._members(share * changes[left]), time)
             done = left[followed]
             arms[done] = arm_of(R[followed], rate[followed], b[done, None])
             left = left[~followed]

@@ -192,3 +192,12 @@ def test_a_point_too_far_away_is_refused_in_a_line(covariance):
     here = TurningPoint(moved(np.zeros(3), np.zeros(3), np.zeros(5)), moved, B, covariance, 0.0)
     with pytest.raises(ComputationError, match=r"times: found 1e\+06 s away from the tracks, expected .* for a point"):
         here.away(np.array([1e6]), np.zeros((1, 6)), PATH)
+
+
+def test_a_point_whose_rate_is_hardly_known_is_refused_as_soon(covariance):
+    """To 10 rad/s: members, which turn thousands of times, were followed for minutes."""
+    size = np.ones(len(covariance))
+    size[3:6] = 1e6
+    here = TurningPoint(moved(np.zeros(3), np.zeros(3), np.zeros(5)), moved, B, covariance * np.outer(size, size), 0.0)
+    with pytest.raises(ComputationError, match=r"expected .* s at most for a point: the target turns at .* ± "):
+        here.away(np.array([3000.0]), np.zeros((1, 6)), PATH)
