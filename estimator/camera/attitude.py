@@ -95,7 +95,7 @@ class AttitudeSeries:
             )
         if len(self.time) == 1:
             return np.repeat(matrix_from_quaternion(self.quaternion), len(time), axis=0)
-        left = np.clip(np.searchsorted(self.time, moments, side="right") - 1, 0, len(self.time) - 2)
+        left = np.minimum(self._before(moments), len(self.time) - 2)
         interval = self.time[left + 1] - self.time[left]
         share = np.clip((moments - self.time[left]) / interval, 0.0, 1.0)
         between = (share * interval > SAME_TIME) & ((1 - share) * interval > SAME_TIME)
@@ -108,6 +108,21 @@ class AttitudeSeries:
         of_end = np.where(angle > 1e-9, np.sin(share * angle) / sine, share)
         found = of_begin[:, None] * begin + of_end[:, None] * end
         return matrix_from_quaternion(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+    def sharing(self, time: FloatArray, epoch: str | None = None) -> FloatArray:
+        """How many of the times (n,) in s from `epoch` lie between the same two rows, or at the first of them, (n,).
+
+        They share these rows' errors.
+
+        Raises:
+            InputError: only one of the series and the times has an epoch.
+        """
+        _, place, count = np.unique(self._before(time + self._lag(epoch)), return_inverse=True, return_counts=True)
+        return np.asarray(count[place], dtype=np.float64)
+
+    def _before(self, moments: FloatArray) -> NDArray[np.intp]:
+        """The rows (n,) before times (n,) of the series, or at them."""
+        return np.maximum(np.searchsorted(self.time, moments, side="right") - 1, 0)
 
     def _lag(self, epoch: str | None) -> float:
         """Seconds to add to times from an epoch for the series' own."""

@@ -69,7 +69,7 @@ class Camera:
         Raises:
             InputError: the camera's attitude at one of the times is not known.
         """
-        return SharedErrors.of(self.attitude.at(time, epoch), self.rig)
+        return SharedErrors.of(self.attitude.at(time, epoch), self.rig, self.attitude.sharing(time, epoch))
 
     def inertial(self, tracks: T) -> T:
         """Tracks of positions and covariances in camera axes as tracks in C, whose `camera` this one is.

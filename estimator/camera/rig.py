@@ -70,7 +70,7 @@ class Rig:
     into which the quaternion `mounting` (w, x, y, z) turns those of the camera. Standard deviations of constant errors:
     lever_arm_deviation in m, in the same axes; boresight_deviation in rad, of a rotation about the camera's axes;
     scale_deviation, relative, as that of a stereo rig's baseline. attitude_noise in rad, about the camera's axes,
-    independent from frame to frame.
+    independent from row to row of the camera's attitude.
 
     Raises:
         InputError: a value is not a finite number or not possible.

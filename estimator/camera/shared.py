@@ -32,16 +32,18 @@ class SharedErrors:
     """The errors of a rig at n times: attitude (n, 3, 3) of the camera in C, and its place (n, 3) in C, m.
 
     The k constant errors are those of β (rad), s and l (m) whose standard deviation is not zero, in this order.
+    sharing: in how many of the times the attitude's noise is the same, (n,), as between two of its rows.
     """
 
     attitude: FloatArray
     place: FloatArray
     rig: Rig
+    sharing: FloatArray | float = 1.0
 
     @classmethod
-    def of(cls, attitude: FloatArray, rig: Rig) -> "SharedErrors":
+    def of(cls, attitude: FloatArray, rig: Rig, sharing: FloatArray | float = 1.0) -> "SharedErrors":
         """The errors of a rig with the attitude (n, 3, 3), placed by its lever arm from the chaser's centre of mass."""
-        return cls(attitude, attitude @ (_lever_axes(rig) @ np.array(rig.lever_arm)), rig)
+        return cls(attitude, attitude @ (_lever_axes(rig) @ np.array(rig.lever_arm)), rig, sharing)
 
     @cached_property
     def deviations(self) -> FloatArray:
@@ -83,14 +85,19 @@ class SharedErrors:
         return np.asarray(found[:, :, self._uncertain])
 
     def turn_covariance(self) -> FloatArray:
-        """The covariance (n, 3, 3) of the attitude's noise, a rotation vector in C, rad²."""
+        """The covariance (n, 3, 3) of a noise of the attitude that is new in every frame and costs as much as one that
+        some frames share: rotation vectors in C, rad²."""
+        return np.asarray(np.reshape(self.sharing, (-1, 1, 1)) * self._turn_covariance())
+
+    def _turn_covariance(self) -> FloatArray:
+        """The covariance (n, 3, 3) of the attitude's noise in a frame, a rotation vector in C, rad²."""
         variance = np.square(self.rig.attitude_noise)
         return np.asarray((self.attitude * variance) @ np.swapaxes(self.attitude, 1, 2))
 
     def attitude_covariance(self, of_errors: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) of attitudes, rotation vectors in C, for that (k, k) of the errors, and noise."""
         turns = self.turns()
-        return np.asarray(turns @ of_errors @ np.swapaxes(turns, 1, 2) + self.turn_covariance())
+        return np.asarray(turns @ of_errors @ np.swapaxes(turns, 1, 2) + self._turn_covariance())
 
     def shift_covariance(self, origin: FloatArray) -> FloatArray:
         """What the attitude's noise makes of points at origin (n, 3) in C: the covariance (n, 3, 3), m²."""

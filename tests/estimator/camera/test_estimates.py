@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from baryscope.estimator.camera.attitude import AttitudeSeries
+from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.findings import Departure
 from baryscope.estimator.methods import attempt, estimate
@@ -65,6 +67,23 @@ def test_noise_of_the_attitude_alone():
         sums.append(nees(found.position[60] - PATH[60], found.covariance[60]))
     low, high = chi2.ppf(BAND, 24)
     assert low < sum(sums) < high
+
+
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 12), ("ml", 4)])
+def test_frames_between_two_rows_of_the_attitude_share_its_noise(method, draws):
+    """As of a star tracker that is slower than the camera, eight frames a row. Taken for new in every frame, it made
+    these normalised squares three to four times as many as there are degrees of freedom."""
+    rig, time, every, sums = Rig(attitude_noise=3e-4), 2.0 * np.arange(241.0), 8, []
+    for seed in range(draws):
+        path = in_orbit(time)
+        seen = turning_camera(time, path, rig, noise=0.005, seed=seed, turn=Rotation.identity(len(time)))
+        dense = seen.camera.attitude
+        rows = Camera(AttitudeSeries(dense.time[::every], dense.quaternion[::every]), rig)
+        found = through(replace(seen, camera=rows), method, process_noise="none")
+        sums += [nees(found.position[k] - path[k], found.covariance[k]) for k in (20, 120, 220)]
+    # Three times of a flight are not independent: as if they were one.
+    low, high = chi2.ppf(BAND, 3 * draws)
+    assert low < np.sum(sums) / 3 < high
 
 
 @pytest.mark.parametrize("told", [False, True], ids=["without covariances", "with covariances"])
