@@ -17,7 +17,7 @@ POSTERIOR = Posterior(NOTHING, np.zeros((0, 2)), NOTHING, NOTHING, NOTHING, np.z
 
 
 def displacement(path, sampled, x):
-    found = process_noise_of(path, sampled, x, path.prior, POSTERIOR).displacement
+    found = process_noise_of(path, sampled, x, path.prior, POSTERIOR, "auto").displacement
     assert found is not None
     return found
 
