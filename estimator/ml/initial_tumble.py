@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
+from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION, Excess, of_a_body
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
@@ -42,6 +42,7 @@ MAX_POSES = 1500  # attitudes that the motion is fitted to
 PREDICTED = 0.7  # rad within which attitudes count as predicted
 WINDOW_GROWTH = 3.0  # factor of the fitted window from one fit to the next
 MAX_STEPS = 12  # of one fit
+INERTIA = slice(3, RATE_AND_INERTIA)  # among the unknowns
 DAMPING = 1e-6  # of the first step of a fit, over the diagonal
 # Relative decrease of the cost that a step must predict, while the window grows and at the end.
 ROUGH_TOLERANCE, FINE_TOLERANCE = 0.1, 1e-3
@@ -252,7 +253,7 @@ def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(J)
     if values[0] <= 0.02 * values[-1]:
         return np.eye(3) / 3
-    return np.asarray((vectors * values) @ vectors.T / values.sum())
+    return of_a_body((vectors * values) @ vectors.T)
 
 
 def _fitted_over_growing_windows(start: Rotation, poses: _Poses, main: int, count: int) -> Tumble:
@@ -317,7 +318,7 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
     if found is None:
         return replace(tumble, cost=np.inf, median_ratio=np.inf)
     residual, turn = found
-    cost = _robust_cost(residual, poses)
+    cost = _cost(tumble, residual, poses)
     for _ in range(MAX_STEPS):
         weight = _robust_weight(residual, poses)
         information = weight[:, None, None] * poses.information
@@ -328,6 +329,9 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
         weighted = information @ jacobian
         matrix = jacobian.reshape(-1, size).T @ weighted.reshape(-1, size)
         rhs = np.einsum("nip,ni->p", weighted, residual)
+        excess = Excess.of(tumble.rotation.inertia)
+        matrix[INERTIA, INERTIA] += excess.information
+        rhs[INERTIA] -= excess.pull
         while damping < 1e8:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
             if change @ rhs <= tolerance * cost:
@@ -338,7 +342,7 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
             found = _residuals(trial, poses)
             if found is not None:
                 trial_residual, trial_turn = found
-                trial_cost = _robust_cost(trial_residual, poses)
+                trial_cost = _cost(trial, trial_residual, poses)
                 if trial_cost <= cost:
                     tumble, residual, turn, cost = trial, trial_residual, trial_turn, trial_cost
                     damping /= 30
@@ -371,10 +375,12 @@ def _median_ratio(residual: FloatArray, poses: _Poses) -> float:
     return float(np.median(_squares(residual, poses))) / MEDIAN
 
 
-def _robust_cost(residual: FloatArray, poses: _Poses) -> float:
-    """Cauchy's robust cost, in variances, which limits the influence of wrong poses."""
+def _cost(tumble: Tumble, residual: FloatArray, poses: _Poses) -> float:
+    """Cauchy's robust cost, in variances, which limits the influence of wrong poses, and that of an inertia that is no
+    body's.
+    """
     scale = 9 * 3.0
-    return float(scale * np.log1p(_squares(residual, poses) / scale).sum())
+    return float(scale * np.log1p(_squares(residual, poses) / scale).sum()) + Excess.of(tumble.rotation.inertia).cost
 
 
 def _robust_weight(residual: FloatArray, poses: _Poses) -> FloatArray:

@@ -142,7 +142,7 @@ class _QuadraticModel:
     def of(cls, problem: Problem, at: Iterate) -> "_QuadraticModel":
         """The quadratic model about an iterate."""
         values, own = at.state.values, problem.priors.own
-        linear = problem.priors.linear(at.equations, values, at.variance)
+        linear = problem.priors.bounded(problem.priors.linear(at.equations, values, at.variance))
         theta = maximise(linear, own, _start(linear, own, at.theta))
         precision = held(linear, own, theta)[0]
         return cls(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
+from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION, Excess
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
 from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood
 from baryscope.estimator.ml.likelihood import Equations
@@ -24,6 +24,7 @@ from baryscope.models.attitude import INERTIA_BASIS
 FloatArray = NDArray[np.float64]
 
 DENSITY = "torque noise"
+INERTIA = slice(3, RATE_AND_INERTIA)  # among the unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,19 @@ class Priors:
         pull = self.information @ (values - self.mean)
         return GaussianLikelihood(found.matrix / variance + self.information, found.rhs / variance - pull, values)
 
+    def bounded(self, linear: GaussianLikelihood) -> GaussianLikelihood:
+        """The linear problem with the bound of the inertia, for steps: it is no part of a covariance."""
+        excess, information, rhs = self._excess(linear.x), linear.information.copy(), linear.rhs.copy()
+        information[INERTIA, INERTIA] += excess.information
+        rhs[INERTIA] -= excess.pull
+        return GaussianLikelihood(information, rhs, linear.x)
+
     def cost(self, values: FloatArray, precision: FloatArray) -> float:
         """−2 ln p of unknowns (q,), up to a constant, for inverse variances (q,) of their own priors."""
         deviation = values - self.mean
-        return float(deviation @ self.information @ deviation + precision @ (values * values))
+        weak = float(deviation @ self.information @ deviation + precision @ (values * values))
+        return weak + self._excess(values).cost
+
+    @staticmethod
+    def _excess(values: FloatArray) -> Excess:
+        return Excess.of(np.eye(3) / 3 + np.tensordot(values[INERTIA], INERTIA_BASIS, 1))

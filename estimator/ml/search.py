@@ -137,7 +137,7 @@ def _cost(found: MaximumAPosteriori, weight: FloatArray, variance: float) -> flo
     own = found.observations.weight
     squares = np.where(weight > 0, found.equations.squares / np.where(own > 0, own, 1.0), 0.0)
     values, priors = found.priors.values(found.rotation, found.x), found.priors
-    linear = priors.linear(found.equations, values, variance)
+    linear = priors.bounded(priors.linear(found.equations, values, variance))
     weak = priors.cost(values, np.zeros_like(values))
     by_data = (float(np.vdot(weight, squares)) + found.equations.noise_cost) / variance
     return by_data + weak + evidence.cost(linear, priors.own, found.posterior.theta)
