@@ -63,7 +63,7 @@ class PathOptions:
     process_noise: density of the white acceleration on the path, m²/s³, or, of a fixed one, the variance of the white
     noise of its position, m², as of a pivot that slips; torque_noise: density of the white angular
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
-    exactly.
+    exactly, but for the orbit's accuracy where it is told, and for the Earth's J2 where the tracks tell the orbit.
 
     acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and, if it is exact or its noise white,
     `ekf`; constant_acceleration: an

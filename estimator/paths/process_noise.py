@@ -169,6 +169,16 @@ def noise_in(path: Path) -> ProcessNoisePath | None:
     return next((one for one in parts_of(path) if isinstance(one, ProcessNoisePath)), None)
 
 
+def without_noise(path: Path) -> Path:
+    """The path without its process noise; itself if it has none."""
+    return path.base if isinstance(path, ProcessNoisePath) else path
+
+
+def with_noise_of(path: Path, base: Path) -> Path:
+    """Another base with the process noise of a path; itself if that has none."""
+    return replace(path, base=base) if isinstance(path, ProcessNoisePath) else base
+
+
 def enriched(path: Path, theta: FloatArray, information: FloatArray) -> ProcessNoisePath | None:
     """The path with its modes of process noise doubled until all that are told are there; None if they are.
 

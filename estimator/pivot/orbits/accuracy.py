@@ -32,7 +32,7 @@ from baryscope.estimator.paths.doubtful_path import DoubtfulPath
 from baryscope.estimator.paths.forces import Force, ForcedPath
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
-from baryscope.estimator.paths.process_noise import ProcessNoisePath
+from baryscope.estimator.paths.process_noise import ProcessNoisePath, with_noise_of, without_noise
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.orbits.corrected import refined_on
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
@@ -61,20 +61,21 @@ def with_errors_of_orbit(
 
     Where the answer does not rest on what the tracks do not exclude, that is left to the time before and after them. Of
     an orbit that the tracks tell, the elements are unknowns already, but it may have no J2 yet. That has a known size:
-    unless the tracks exclude it, it is among the unknowns, too.
+    unless the tracks exclude it, it is among the unknowns, too. Without process noise models hold exactly, but for an
+    error of a told size, and for J2 on an orbit that nobody tells.
     """
     path, orbit = found.path, acting_orbit(orbit, found.path)
-    if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
+    if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit":
         return found
-    doubts = _doubts(found, path, orbit, options)
-    base: Path = path.base
+    doubts, acting = _doubts(found, orbit, options), without_noise(path)
+    base = acting
     for doubt in doubts:
         if doubt.rests:
             base = replace(doubt.part, base=base)
-    other = None if base is path.base else refined_on(base, path, found, start, options)
+    other = None if base is acting else refined_on(base, path, found, start, options)
     left = [doubt.beside for doubt in doubts if not doubt.rests]
-    if other is not None and isinstance(other.path, ProcessNoisePath):
-        found, left = other, [_Beside.of(other, other.path, beside.force) for beside in left]
+    if other is not None:
+        found, left = other, [_Beside.of(other, beside.force) for beside in left]
     return _with_left_out(found, left)
 
 
@@ -97,12 +98,13 @@ class _Doubt:
     rests: bool
 
     @classmethod
-    def of(cls, path: ProcessNoisePath, beside: "_Beside", size: float, *, told: bool) -> "_Doubt":
+    def of(cls, beside: "_Beside", size: float, *, told: bool) -> "_Doubt":
         """The doubt of a force of a size that is told, or that acts: m, m/s², or a share of J2."""
-        return cls(beside, InexactOrbitPath(path.base, beside.force, path.begin, path.end, told, size), True)
+        acting, span = without_noise(beside.found.path), _span(beside.found)
+        return cls(beside, InexactOrbitPath(acting, beside.force, *span, told, size), True)
 
     @classmethod
-    def of_untold(cls, path: ProcessNoisePath, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
+    def of_untold(cls, beside: "_Beside", shares: Sequence[Share]) -> "_Doubt | None":
         """The doubt of the first of some shares of a force's deviations that the tracks do not exclude, if one is.
 
         Of components that they exclude to be as great as is likely there may as well be nothing.
@@ -111,7 +113,7 @@ class _Doubt:
         if share is None:
             return None
         own, rests = beside.of_share(share), beside.matters(share)
-        doubt = cls.of(path, own, float(own.force.deviations.max()), told=False)
+        doubt = cls.of(own, float(own.force.deviations.max()), told=False)
         small = np.broadcast_to(share, beside.variances.shape) < 1
         if not (rests and small.any()):
             return replace(doubt, rests=rests)
@@ -119,39 +121,43 @@ class _Doubt:
         return replace(doubt, part=replace(doubt.part, doubtful=np.flatnonzero(small), likely=likely))
 
 
-def _doubts(found: PivotSolution, path: ProcessNoisePath, orbit: Orbit, options: PathOptions) -> tuple[_Doubt, ...]:
+def _doubts(found: PivotSolution, orbit: Orbit, options: PathOptions) -> tuple[_Doubt, ...]:
     """What may act beside what is among a solution's unknowns, unless the tracks exclude it or somebody does."""
     doubts: list[_Doubt | None] = []
-    estimated, span = estimated_orbit_in(path), (path.begin, path.end)
+    path, span = found.path, _span(found)
+    estimated = estimated_orbit_in(path)
     if estimated is not None and oblateness_in(path) is None:
         oblateness = oblateness_on(orbit, found.position, span)
         if oblateness is not None:
-            beside, size = _Beside.of(found, path, oblateness), float(oblateness.deviations[0])
+            beside, size = _Beside.of(found, oblateness), float(oblateness.deviations[0])
             excess = beside.excess(1.0)
             acts = excess <= -DECISIVE
-            doubts.append(_Doubt.of(path, beside, size, told=acts) if excess < DECISIVE else None)
+            doubts.append(_Doubt.of(beside, size, told=acts) if excess < DECISIVE else None)
     elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
-        beside = _Beside.of(found, path, orbit_error(orbit, found.position, *span, deviation))
+        beside = _Beside.of(found, orbit_error(orbit, found.position, *span, deviation))
         if orbit.accuracy is not None:
-            doubts.append(_Doubt.of(path, beside, deviation, told=True))
-        else:
-            doubts.append(_Doubt.of_untold(path, beside, OF_ORBIT))
-    push = untold_push_beside(path, orbit, options)
+            doubts.append(_Doubt.of(beside, deviation, told=True))
+        elif isinstance(path, ProcessNoisePath):
+            doubts.append(_Doubt.of_untold(beside, OF_ORBIT))
+    push = untold_push_beside(path, orbit, options) if isinstance(path, ProcessNoisePath) else None
     if push is not None:
-        doubts.append(_Doubt.of_untold(path, _Beside.of(found, path, push.force), OF_PUSH))
+        doubts.append(_Doubt.of_untold(_Beside.of(found, push.force), OF_PUSH))
     return tuple(doubt for doubt in doubts if doubt is not None)
+
+
+def _span(found: PivotSolution) -> tuple[float, float]:
+    """Begin and end of the tracks, s."""
+    return float(found.time[0]), float(found.time[-1])
 
 
 def _with_left_out(found: PivotSolution, left: Sequence["_Beside"]) -> PivotSolution:
     """The solution with what forces beside it, of what its tracks do not exclude, do before and after these."""
-    path = found.path
-    if not left or not isinstance(path, ProcessNoisePath):
-        return found
-    base: Path = path.base
+    path, span = found.path, _span(found)
+    base = without_noise(path)
     for beside in left:
-        base = DoubtfulPath(base, path, beside.force, path.begin, path.end, *beside.left_out())
-    return replace(found, path=replace(path, base=base))
+        base = DoubtfulPath(base, path, beside.force, *span, *beside.left_out())
+    return replace(found, path=with_noise_of(path, base)) if left else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +173,11 @@ class _Beside:
     variances: FloatArray
 
     @classmethod
-    def of(cls, found: PivotSolution, path: ProcessNoisePath, force: Force) -> "_Beside":
-        """The force beside a solution on a path."""
-        forced = ForcedPath(path.base, force, path.begin, path.end)
+    def of(cls, found: PivotSolution, force: Force) -> "_Beside":
+        """The force beside a solution."""
+        forced = ForcedPath(without_noise(found.path), force, *_span(found))
         further = FurtherUnknowns.of(found, lambda rows: forced.columns(found.time[rows]))
-        return cls(found, path.prior, further, force, np.exp(forced.own_prior.offset))
+        return cls(found, found.path.prior, further, force, np.exp(forced.own_prior.offset))
 
     def of_share(self, share: Share) -> "_Beside":
         """A share of the force's deviations."""

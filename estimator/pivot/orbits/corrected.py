@@ -16,7 +16,7 @@ from baryscope.estimator.paths.extended_path import factors_of, parts_of
 from baryscope.estimator.paths.forces import ForcedPath
 from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
-from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath
+from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath, with_noise_of, without_noise
 from baryscope.estimator.pivot.initial_solution import InitialSolution
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import refined
@@ -39,15 +39,15 @@ def corrected_for_orbit(
     return corrected if corrected is not None and corrected.has(ORBIT_ERROR) else None
 
 
-def start_on(base: Path, path: ProcessNoisePath, found: PivotSolution, start: InitialSolution) -> InitialSolution:
+def start_on(base: Path, path: Path, found: PivotSolution, start: InitialSolution) -> InitialSolution:
     """The start at a solution on a base that has unknowns beside those of the path's own, which are zero."""
-    wider = replace(path, base=base)
-    x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))
+    wider, size = with_noise_of(path, base), without_noise(path).size
+    x = np.insert(found.solution.x, size, np.zeros(base.size - size))
     return start.on(wider, interpolated(wider.at, wider.frequency, start.time), x)
 
 
 def refined_on(
-    base: Path, path: ProcessNoisePath, found: PivotSolution, start: InitialSolution, options: PathOptions
+    base: Path, path: Path, found: PivotSolution, start: InitialSolution, options: PathOptions
 ) -> PivotSolution | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
     try:
