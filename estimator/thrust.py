@@ -29,11 +29,11 @@ class KnownAcceleration:
 
     Each value is held until the next; before the first it is zero, and the last one is held on.
 
-    axes: inertial (those of the tracks), lvlh (of the target), or camera; attitude: for camera, the function from
-    times (n,) in s to the rotations (n, 3, 3) from the camera's axes to inertial ones, as `camera.attitude.at`.
-    scale: standard deviation of the relative error of the scale, the same for all values; firing: that of each
-    coordinate's error in a firing, over the acceleration's magnitude, independent from firing to firing. noise: density
-    of the white noise of the log, m²/s³.
+    axes: inertial (those of the tracks), lvlh (of the target's orbit as it is told, whatever its error), or camera;
+    attitude: for camera, the function from times (n,) in s to the rotations (n, 3, 3) from the camera's axes to
+    inertial ones, as `camera.attitude.at`. scale: standard deviation of the relative error of the scale, the same for
+    all values; firing: that of each coordinate's error in a firing, over the acceleration's magnitude, independent from
+    firing to firing. noise: density of the white noise of the log, m²/s³.
 
     Raises:
         InputError: a shape, an order or a value is not as above, or camera axes without an attitude.

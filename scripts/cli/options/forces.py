@@ -28,8 +28,8 @@ class ForceChoices:
         The chaser's acceleration by its thrusters (pivot, ml, ekf): a CSV file with the columns time,ax,ay,az (s or
         UTC, m/s²), each row held until the next one. Zero before the first row.
     acceleration_axes
-        Axes of --acceleration: inertial, those of the tracks; lvlh, of the target, with --orbit; or camera, with
-        --camera. Default: inertial.
+        Axes of --acceleration: inertial, those of the tracks; lvlh, of the target on --orbit as it is told, whatever
+        its error; or camera, with --camera. Default: inertial.
     acceleration_scale
         Standard deviation of the relative error of the accelerometer's scale, which is then estimated (pivot, ml).
         Default: 0.
