@@ -142,11 +142,9 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
         if model.noise is not None:
             found = normal_blocks(own, attitude, model.origin[part], model.points)
             block, rhs = found.of_poses()
-            gain = model.noise.frames(part).gain(block, attitude, model.origin[part])
-            moved = np.einsum("kij,kj->ki", gain, rhs)
-            arms = np.cross(moved[:, None, :3], model.points) + moved[:, None, 3:]
-            residual = residual - arms @ np.swapaxes(attitude, 1, 2)
-            # νᵀ C⁻¹ ν with ν = (C⁻¹ + B)⁻¹ r: νᵀ (r − B ν).
+            moved = model.noise.frames(part).movements(block, rhs, attitude, model.origin[part])
+            residual = residual - model.noise.carried(moved, attitude, model.points)
+            # νᵀ C⁻¹ ν is νᵀ (r − B ν).
             noise_cost += float(np.einsum("ki,ki->", moved, rhs - np.einsum("kij,kj->ki", block, moved)))
         squares[part] = own.weight * own.squares(residual)
     return squares, noise_cost

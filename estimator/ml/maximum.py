@@ -131,7 +131,7 @@ def maximised(
     variance = max(pivot.variance, floor)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
     stereo = StereoNoise.of(measured, max(pivot.frame_variance, floor)) if pivot.stereo else None
-    noise = _frame_noise(errors, pivot.slip, len(tracks.time), variance)
+    noise = FrameNoise.of(errors, pivot.slip, len(tracks.time), variance)
     given = _Given(tracks, pivot, density, noise, floor, stereo)
 
     rotation = tumble.rotation if options.torque_noise == "none" else with_modes(tumble.rotation, tracks.time)
@@ -199,20 +199,6 @@ def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> 
     by_unknowns = found.by_unknowns.copy()
     by_unknowns[:, found.rotation_size + errors_in(path).start + errors.scale] += found.points.ravel()
     return replace(found, by_unknowns=by_unknowns)
-
-
-def _frame_noise(errors: SharedErrors | None, slip: float, frames: int, variance: float) -> FrameNoise | None:
-    """The noise of the camera's attitude, and of a position that slips, for a variance of an observation of weight 1.
-
-    slip: standard deviation of the position's white noise, m.
-    """
-    noisy = errors is not None and errors.noisy
-    if not noisy and slip == 0:
-        return None
-    shift = np.tile(slip**2 / variance * np.eye(3), (frames, 1, 1))
-    if errors is None or not noisy:
-        return FrameNoise(np.zeros_like(shift), shift)
-    return FrameNoise(errors.turn_covariance() / variance, shift)
 
 
 def _attitude_information(best: Iterate) -> float:

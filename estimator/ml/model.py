@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.jacobians import Knots
@@ -24,6 +25,30 @@ class FrameNoise:
 
     turn: FloatArray
     shift: FloatArray
+
+    @classmethod
+    def of(cls, errors: SharedErrors | None, slip: float, frames: int, variance: float) -> "FrameNoise | None":
+        """The noise of a camera's attitude, and of a position that slips, for a variance of an observation of weight 1.
+
+        None where there is neither. slip: standard deviation of the position's white noise, m.
+        """
+        noisy = errors is not None and errors.noisy
+        if not noisy and slip == 0:
+            return None
+        shift = np.tile(slip**2 / variance * np.eye(3), (frames, 1, 1))
+        if errors is None or not noisy:
+            return cls(np.zeros_like(shift), shift)
+        return cls(errors.turn_covariance() / variance, shift)
+
+    def movements(self, block: FloatArray, rhs: FloatArray, attitude: FloatArray, origin: FloatArray) -> FloatArray:
+        """The likeliest movements ν = (C⁻¹ + B)⁻¹ r (n, 6) in B, φ before τ, for blocks B (n, 6, 6) and r (n, 6)."""
+        return np.asarray(np.einsum("kij,kj->ki", self.gain(block, attitude, origin), rhs))
+
+    @staticmethod
+    def carried(movements: FloatArray, attitude: FloatArray, points: FloatArray) -> FloatArray:
+        """What movements (n, 6) in B do to points (m, 3) in B, (n, m, 3) in C, m."""
+        arms = np.cross(movements[:, None, :3], points) + movements[:, None, 3:]
+        return np.asarray(arms @ np.swapaxes(attitude, 1, 2))
 
     def gain(self, block: FloatArray, attitude: FloatArray, origin: FloatArray) -> FloatArray:
         """(C⁻¹ + B)⁻¹ (n, 6, 6), for information B, block (n, 6, 6), on the same movements in B; C may be singular."""
