@@ -18,7 +18,7 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and 1e-4 of the errors' transition
+STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and as little of the errors' transition
 MAX_INERTIA_CHANGE = 1.0  # of the inertia's logarithm in one correction
 MOTION = 6  # unknowns of a motion on an orbit
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
@@ -164,17 +164,22 @@ def _advance() -> ColumnFunction:
     k3 = slope(x + h / 2 * k2)
     k4 = slope(x + h * k3)
     after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    middle = ca.SX.sym("middle", 7)
-    spin = acceleration(middle)
-    by_rate, by_inertia = (ca.substitute(ca.jacobian(spin, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
+    between = ca.SX.sym("between", 7)
+    spin = acceleration(between)
+    by_rate, by_inertia = ca.jacobian(spin, between[4:]), ca.jacobian(spin, c[:9])
     root = ca.chol(ca.trace(J) / 2 * ca.SX.eye(3) - J).T
     mass_changes = [root @ ca.DM(matrix) @ root.T for matrix in INERTIA_BASIS]
     inertia_changes = ca.horzcat(*(ca.vec(ca.trace(change) * ca.SX.eye(3) - change) for change in mass_changes))
-    turning = ca.horzcat(-ca.skew((w + after[4:]) / 2), ca.SX.eye(3), ca.SX(3, 5))
+    turning = ca.horzcat(-ca.skew(between[4:]), ca.SX.eye(3), ca.SX(3, 5))
     slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ inertia_changes), ca.SX(5, ROTATION))
-    # The matrix exponential for the midpoint of the step, to third order.
-    one = ca.SX.eye(ROTATION)
-    change = one + h * slopes @ (one + h / 2 * slopes @ (one + h / 3 * slopes))
+    of_errors = ca.Function("slopes", [between, c], [slopes])
+    # The same Runge-Kutta step of the errors, at the same states.
+    one, states = ca.SX.eye(ROTATION), (x, x + h / 2 * k1, x + h / 2 * k2, x + h * k3)
+    A1, A2, A3, A4 = (of_errors(state, c) for state in states)
+    m2 = A2 @ (one + h / 2 * A1)
+    m3 = A3 @ (one + h / 2 * m2)
+    m4 = A4 @ (one + h * m3)
+    change = one + h / 6 * (A1 + 2 * m2 + 2 * m3 + m4)
     found = ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:], ca.vec(change[:6, :].T))
     return ColumnFunction("rotated", [q, w, c, h], ca.densify(found))
 
