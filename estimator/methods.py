@@ -126,6 +126,7 @@ METHODS: dict[str, Method] = {
             estimate_by_filter,
             predicts=True,
             tumble=True,
+            camera_errors=True,
         ),
         Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, _at_once(estimate_by_score)),
     )

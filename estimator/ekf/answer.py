@@ -23,6 +23,8 @@ from baryscope.estimator.findings import EstimatedOrbit, FewFrames, UnknownBurn
 from baryscope.estimator.geometry.gauge import are_in_line, attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.orbits.estimated import estimated_orbit
+from baryscope.estimator.paths.extended_path import Factor, parts_of
+from baryscope.estimator.paths.seen_path import SeenPath
 from baryscope.estimator.pivot.burns.solution import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
@@ -87,6 +89,7 @@ def answer_of(found: Passes, begin: float) -> Estimate:
             inertia=at.inertia,
         ),
         wall_time=clock.perf_counter() - begin,
+        forces=_camera_errors(found),
         process_noise=process_noise_of(found),
         predictor=PredictedTumble(found, tracks.labels, features, answer.products),
     )
@@ -98,6 +101,14 @@ def _of_path(found: Passes) -> tuple[EstimatedOrbit | UnknownBurn, ...]:
     own = slice(INERTIA, INERTIA + path.size)
     of_x = found.solution.of_theta[own, own]
     return estimated_orbit(path, x, of_x) + unknown_burns(path, x, of_x)
+
+
+def _camera_errors(found: Passes) -> tuple[Factor, ...]:
+    """The constant errors of the camera, as far as the tracks tell them."""
+    path, own = found.problem.path, slice(INERTIA, INERTIA + found.problem.path.size)
+    parts = [part for part in parts_of(path) if isinstance(part, SeenPath)]
+    of_x = found.solution.of_theta[own, own]
+    return tuple(factor for part in parts for factor in part.factors(found.shift + found.reference.x, of_x))
 
 
 def _few_frames(found: Passes) -> tuple[FewFrames, ...]:

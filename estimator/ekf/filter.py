@@ -83,7 +83,7 @@ def filtered(system: Linearised, noise: ProcessNoise, history: FilterHistory | N
     width, moved = c + d, system.drive.shape[2]
     white, units = system.whitened, noise.units.reshape(n - 1, 2, d * d)
     H, shift = white.observed, noise.shift[:, None, None] if noise.shift.any() else None
-    cost, log_determinant = np.tile(white.left, (k, 1, 1)), np.zeros(k)
+    cost, log_determinant = np.tile(white.left, (k, 1, 1)), np.full(k, system.log_determinant)
     both = np.zeros((d, k, width))  # the affine state and the covariance
     both[:, :, :c] = system.first[:, None]
     blocks = np.empty((2, BLOCK, 6, k, width))  # fresh memory for each would take a tenth longer

@@ -31,7 +31,7 @@ def further_nodes(found: Passes, time: FloatArray) -> FurtherNodes:
     known = np.searchsorted(nodes.time, own.time)
     nodes = replace(nodes, frames=known[own.frames])
     reference = _followed(found, nodes.time, known)
-    system = linearised(reference, nodes, last.observations)
+    system = linearised(reference, nodes, last.observations, problem.frame_noise(last.noise_variance))
     noise = replace(problem.noise(found.members, last.noise_variance), units=problem.noise_units_at(nodes.time))
     solved = solve(system, noise, last.prior, found.added)
     solution = mixed([one for one, _ in solved], found.probability, found.variance)

@@ -36,6 +36,7 @@ from baryscope.estimator.paths.burns import burned_in
 from baryscope.estimator.paths.doubtful_path import doubtful_parts
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.relative_motion import orbit_in
+from baryscope.estimator.paths.seen_path import SeenPath
 from baryscope.estimator.paths.trajectory import Trajectory, highest_degree, trajectory_of
 from baryscope.estimator.pivot.answer import estimate_of
 from baryscope.estimator.pivot.disagreement import disagreeing_by_tumble
@@ -47,7 +48,7 @@ from baryscope.estimator.pivot.orbits.pushed import push_in
 from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
@@ -110,9 +111,14 @@ class _Task:
         return PivotProblem.of(self.tracks, self.orbit, self.options)
 
     def path(self, trajectory: Trajectory, orbit: Orbit | None) -> Path:
-        """The path of a trajectory on an orbit, over the tracks, with the known acceleration."""
+        """The path of a trajectory on an orbit, over the tracks, with the known acceleration, as the camera sees it."""
         time = self.tracks.time
-        return trajectory.path(orbit, float(time[0]), float(time[-1]), self.options.acceleration)
+        return self.seen(trajectory.path(orbit, float(time[0]), float(time[-1]), self.options.acceleration))
+
+    def seen(self, path: Path) -> Path:
+        """A path with the camera's constant errors among its unknowns."""
+        errors = errors_of(self.tracks)
+        return path if errors is None or not len(errors.deviations) else SeenPath(path, errors)
 
 
 def _with_free_attitudes(task: _Task, begin: float) -> Estimate | None:
@@ -175,7 +181,8 @@ class _Model:
         if solved is not None:
             trajectory = replace(trajectory, highest=highest_degree(solved.path))
             estimated = estimated_orbit_in(solved.path)
-            path = _with_burns_of(solved, estimated or task.path(trajectory, orbit))
+            path = task.path(trajectory, orbit) if estimated is None else task.seen(estimated)
+            path = _with_burns_of(solved, path)
             if estimated is not None:
                 on_orbit, torques = True, torques_of(estimated.orbit, options)
         return cls(task, measured, solved, trajectory, path, on_orbit, torques)
@@ -237,7 +244,8 @@ def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> P
         burned = _by_attitudes(task.pivot, found) if noisy else None
         solved = (burned or task.pivot).solved
         if orbit is not None and untold_oblateness(orbit, solved.path):
-            path = perhaps_oblate_in(solved.path) or task.path(trajectory, orbit_in(solved.path))
+            oblate = perhaps_oblate_in(solved.path)
+            path = task.path(trajectory, orbit_in(solved.path)) if oblate is None else task.seen(oblate)
         path = push_in(solved, path) or path
         for part in reversed(inexact_parts(solved.path)):
             path = part.acting(path)
@@ -257,9 +265,9 @@ def _by_attitudes(problem: PivotProblem, found: Passes) -> PivotProblem | None:
     """The problem of `pivot` solved with the burns that the attitudes of passes show; None without any."""
     if found.problem.tracks.labels != problem.tracks.labels:  # labels that tracks have used twice
         return None
-    at, frames, last = found.reference, found.problem.start.nodes.frames, found.last
-    points = [at.points[body.features] for body in problem.solved.bodies]
-    return problem.with_burns_of(points, at.attitude[frames], at.origin[frames], last.weight, last.residual_variance)
+    (attitude, origin, seen), last = found.reference.as_seen(found.problem.start.nodes), found.last
+    points = [seen[body.features] for body in problem.solved.bodies]
+    return problem.with_burns_of(points, attitude, origin, last.weight, last.residual_variance)
 
 
 def _disagreeing(task: _Task, solved: PivotSolution | None, answer: Estimate) -> tuple[DisagreeingClusters, ...]:

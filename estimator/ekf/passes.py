@@ -12,7 +12,18 @@ from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, 
 from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
-from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
+from baryscope.estimator.ekf.camera import CameraErrors
+from baryscope.estimator.ekf.linearised import (
+    INERTIA,
+    RATE,
+    TURN,
+    Linearised,
+    Reference,
+    linearised,
+    moved,
+    points_in,
+    residuals,
+)
 from baryscope.estimator.ekf.motion import mean_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import Smoothness
@@ -165,6 +176,7 @@ def passes(problem: Problem) -> Passes:
         inertia=inertia,
         points=start.points,
         axis=axis,
+        camera=CameraErrors.of(problem.errors, problem.path),
     )
     observations = problem.measured.weighted(start.weight)
     variance = problem.given_variance or max(start.noise**2 / problem.unit, problem.floor)
@@ -219,7 +231,8 @@ def _pass(
     last: Pass | None,
 ) -> Pass:
     """A pass; the noise of the first is generous, that of the others from a bank around the last one's."""
-    system = linearised(reference, problem.start.nodes, observations)
+    nodes, noise = problem.start.nodes, problem.frame_noise(variance)
+    system = linearised(reference, nodes, observations, noise)
     prior = problem.prior(reference, reference.x + shift, variance)
     dof = problem.dof(observations)
     bank, member = _process_noise(problem, system, prior, dof, variance, last)
@@ -229,8 +242,7 @@ def _pass(
     used = problem.given_variance or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     refuse_lost(after.origin, observations.position)
-    seen = observations.position - after.seen_at(problem.start.nodes)
-    squares = observations.weight * observations.squares(seen)
+    squares = observations.weight * observations.squares(residuals(after, nodes, observations, noise))
     turn = np.linalg.norm(solution.state[system.seen, TURN], axis=1)
     rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
     weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
@@ -306,9 +318,8 @@ def _solved(
 def _frames_per_error(problem: Problem, observations: Observations, after: Reference) -> float:
     """How many frames have the same errors of the features, about a reference."""
     frames = np.flatnonzero((observations.weight > 0).sum(axis=1) >= FEWEST_POINTS)
-    at = problem.start.nodes.frames
-    body = Body(np.arange(len(after.points)), frames, after.points, after.attitude[at[frames]])
-    return frames_per_error([body], observations, after.origin[at])
+    attitude, origin, points = after.as_seen(problem.start.nodes)
+    return frames_per_error([Body(np.arange(len(points)), frames, points, attitude[frames])], observations, origin)
 
 
 def _bounded(problem: Problem, reference: Reference, solution: Solution) -> FloatArray:
@@ -336,7 +347,9 @@ def _renewed(problem: Problem, stereo: StereoNoise | None, last: Pass) -> Observ
 
 
 def _is_linear(problem: Problem, reference: Reference, solution: Solution, variance: float) -> bool:
-    """Whether terms of second order are small: of turns times points, and of rate and inertia over the time span."""
+    """Whether terms of second order are small: of turns times points, of rate and inertia over the time span, and of
+    errors of the camera times what moves.
+    """
     turn = float(np.linalg.norm(solution.state[:, TURN], axis=1).max())
     rate = float(np.linalg.norm(solution.state[:, RATE], axis=1).max())
     inertia = float(np.linalg.norm(solution.theta[:INERTIA]))
@@ -344,6 +357,9 @@ def _is_linear(problem: Problem, reference: Reference, solution: Solution, varia
     speed = float(np.linalg.norm(reference.rate, axis=1).max())
     radius = float(np.linalg.norm(reference.points, axis=1).max())
     error = turn * (turn * radius + points) + radius * problem.span * inertia * (rate + speed * inertia)
+    if reference.camera is not None:
+        shift = float(np.linalg.norm(solution.state[:, :3], axis=1).max())
+        error += reference.camera.greatest(solution.theta[INERTIA:][: len(reference.x)]) * (shift + turn * radius)
     least = float(_position_variance(solution).min())
     return bool(error < TOLERANCE * np.sqrt(max(variance * least, 0.0)) + ROUNDING * radius)
 

@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import FARTHEST_RADII
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, STATE, Reference
@@ -24,10 +25,11 @@ from baryscope.estimator.ekf.motion import (
 )
 from baryscope.estimator.ekf.solution import Prior
 from baryscope.estimator.ekf.start import Start, unit_of
+from baryscope.estimator.ml.model import FrameNoise
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.path import FIXED, Path
 from baryscope.estimator.progress import Rounds
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.estimator.tracks import FeatureTracks, FloatArray, errors_of
 
 FREE_TURN = 0.3  # rad from node to node, by noise that leaves the attitudes free
 PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
@@ -56,6 +58,15 @@ class Problem:
     def slips(self) -> bool:
         """Whether the path's noise is one of the position of a fixed point, instead of its acceleration."""
         return self.path.name == FIXED
+
+    @cached_property
+    def errors(self) -> SharedErrors | None:
+        """The errors of the tracks' camera at the frames."""
+        return errors_of(self.tracks)
+
+    def frame_noise(self, variance: float) -> FrameNoise | None:
+        """The noise of whole frames, by the camera's attitude, relative to the variance of an observation."""
+        return FrameNoise.of(self.errors, 0.0, len(self.tracks.time), variance)
 
     @property
     def span(self) -> float:

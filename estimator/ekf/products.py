@@ -23,7 +23,7 @@ def product_gradient(system: Linearised, noise: ProcessNoise, solution: Solution
         offset: covariance (3, 3) in B of the offset, m².
     """
     c = system.rhs.shape[2]
-    turns = solution.crossed[:, TURN] @ independent(solution.of_theta)[1]
+    turns = system.turns_seen(solution.crossed[:, TURN], solution.of_theta) @ independent(solution.of_theta)[1]
     shift = product_shifts(turns, offset, solution.of_state[:, :3, :3], system.seen)
     if not shift.shape[2]:
         return np.zeros((c - 1, 0))
@@ -36,8 +36,7 @@ def _moved(system: Linearised, shift: FloatArray) -> Linearised:
     more = shift.shape[2]
     static = np.zeros((c + more, c + more))
     static[:c, :c] = system.static
-    points = slice(1 + system.points.start, None)
-    static[c:, points.start : c] = np.einsum("naz,nap->zp", shift, system.rhs[:, :3, points])
+    static[c:, 1:c] = np.einsum("naz,nap->zp", shift, system.rhs[:, :3, 1:])
     static[:c, c:] = static[c:, :c].T
     return replace(
         system,

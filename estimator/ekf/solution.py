@@ -115,8 +115,8 @@ class Solution:
     """Means and covariances of parameters and states, covariances in the units of the weights, or in SI from `mixed`.
 
     theta (q,), of_theta (q, q); state (n, d), of_state (n, d, d), and crossed (n, d, q), their covariance with θ;
-    spread (2, n, 3, 3): covariance of the attitude's deviation from its mean over time, by θ, and by the noise of the
-    states without what that does to the mean.
+    spread (2, n, 3, 3): covariance of the deviation of the attitude, as it is seen, from its mean over time, by θ, and
+    by the noise of the states without what that does to the mean.
     """
 
     theta: FloatArray
@@ -146,7 +146,8 @@ def solve(
             by_theta, own = state[:, member, :, 1:], covariance[:, member]
             crossed = by_theta @ of_theta
             mean = state[:, member, :, 0] + by_theta @ theta
-            off = by_theta[:, TURN] - by_theta[system.seen, TURN].mean(axis=0)
+            turns = system.turns_seen(by_theta[:, TURN], np.eye(len(theta)))
+            off = turns - turns[system.seen].mean(axis=0)
             spread = np.stack([off @ of_theta @ np.swapaxes(off, 1, 2), own[:, TURN, TURN]])
             own = own + crossed @ np.swapaxes(by_theta, 1, 2)
             found.append((Solution(theta, of_theta, mean, own, crossed, spread), parameters))

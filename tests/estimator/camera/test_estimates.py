@@ -41,7 +41,7 @@ def of_offset(found):
     return nees(cluster.centre_of_mass + turn.apply(points.mean(axis=0)), cluster.covariance)
 
 
-@pytest.mark.parametrize(("method", "draws"), [("pivot", 8), ("ml", 4)])
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 8), ("ml", 4), ("ekf", 4)])
 def test_errors_are_as_large_as_claimed(method, draws):
     """On an orbit, where the motion tells a part of the boresight's error."""
     path, offset, predicted = [], [], []
@@ -87,17 +87,24 @@ def test_frames_between_two_rows_of_the_attitude_share_its_noise(method, draws):
 
 
 @pytest.mark.parametrize("told", [False, True], ids=["without covariances", "with covariances"])
-def test_noise_of_the_attitude_widens_the_claims_of_a_method_that_does_not_know_of_it(told):
-    """It is far more than that of the features, and most of what their residuals are: claims are wide, but not lost."""
+def test_the_filter_knows_noise_of_the_attitude(told):
+    """It is 2 cm at the target, far more than that of the features, and neither theirs nor a motion.
+
+    The filter took it for process noise of 9e-5 m²/s³ and for noise of the features, 5.6 to 5.8 mm, and claimed 2.3 to
+    2.5 m, where `pivot` claims 3.8 mm and `ml` 3.4.
+    """
     rig, sums = Rig(lever_arm=tuple(ARM), attitude_noise=1e-3), []
-    for seed in range(2):
+    for seed in range(4):
         seen = turning_camera(TIME, PATH, rig, noise=0.005, seed=seed)
         if told:
             alike = np.where(seen.tracks.seen[..., None, None], 0.005**2 * np.eye(3), np.nan)
             seen = replace(seen, tracks=replace(seen.tracks, covariance=alike))
-        found = through(seen, "ekf", process_noise="none")
+        found = through(seen, "ekf")
+        assert found.noise.a_posteriori == pytest.approx(1.0 if told else 0.005, rel=0.05)
+        assert found.process_noise.density == 0.0
+        assert found.predicted_rmse < 0.005
         sums.append(nees(found.position[60] - PATH[60], found.covariance[60]))
-    low, high = chi2.ppf(BAND, 3 * 2)
+    low, high = chi2.ppf(BAND, 3 * 4)
     assert low < sum(sums) < high
 
 
@@ -147,13 +154,27 @@ def test_a_lever_arm_that_is_forgotten_is_an_error_of_its_size():
 
 
 def test_a_prediction_of_the_filter_has_the_velocity_errors_of_its_camera():
-    """A lever arm that turns with the camera moves the path; a velocity is one, however it is asked for."""
-    seen = turning_camera(TIME, PATH, Rig(lever_arm=tuple(ARM), lever_arm_deviation=0.01), noise=0.005)
-    found = through(seen, "ekf", process_noise="none")
-    told, predicted = found.motion.velocity_covariance, found.predict(TIME).covariance[:, 3:, 3:]
-    traces = [np.trace(covariance, axis1=1, axis2=2).mean() for covariance in (told, predicted)]
-    assert traces[0] > 9e-10  # of the filter alone it would be 4e-12
-    assert traces[1] == pytest.approx(traces[0], rel=0.2)
+    """A velocity is one, however it is asked for, and is off by as much as is claimed together with the position.
+
+    A lever arm that turns with the camera moves what is seen, not the path. As if it did, the velocity's covariance was
+    1.0e-9 m²/s², against 1.8e-11, and the sums, of 24 degrees of freedom, 800 to 2600, as errors of both were claimed
+    to be tied to each other.
+    """
+    rig, squares = Rig(lever_arm=tuple(ARM), lever_arm_deviation=0.01), []
+    true = np.concatenate([PATH, (in_orbit(TIME + 0.01) - in_orbit(TIME - 0.01)) / 0.02], axis=1)
+    for seed in range(4):
+        seen = turning_camera(TIME, PATH, rig, noise=0.005, seed=seed)
+        found = through(seen, "ekf", process_noise="none")
+        predicted = found.predict(TIME)
+        np.testing.assert_allclose(
+            found.motion.velocity_covariance, predicted.covariance[:, 3:, 3:], atol=1e-3 * predicted.covariance[0, 3, 3]
+        )
+        error = np.concatenate([predicted.position, predicted.velocity], axis=1) - true
+        squares.append([nees(error[at], predicted.covariance[at]) for at in (0, 60, -1)])
+    low, high = chi2.ppf(BAND, 6 * 4)
+    total = np.sum(squares, axis=0)
+    assert (total > low).all()
+    assert (total < high).all(), total
 
 
 @pytest.mark.parametrize("rig", [Rig(boresight_deviation=3e-3), Rig(scale_deviation=1e-2)], ids=["boresight", "scale"])
