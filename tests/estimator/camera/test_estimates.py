@@ -69,7 +69,7 @@ def test_noise_of_the_attitude_alone():
     assert low < sum(sums) < high
 
 
-@pytest.mark.parametrize(("method", "draws"), [("pivot", 12), ("ml", 4)])
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 12), ("ml", 4), ("ekf", 4)])
 def test_frames_between_two_rows_of_the_attitude_share_its_noise(method, draws):
     """As of a star tracker that is slower than the camera, eight frames a row. Taken for new in every frame, it made
     these normalised squares three to four times as many as there are degrees of freedom."""
