@@ -118,6 +118,11 @@ class Passes:
         return self._posterior[1]
 
     @cached_property
+    def mean_density(self) -> Member:
+        """The mean densities of the process noises, over improbable members, too."""
+        return self.last.member if self.last.bank is None else self.last.bank.mean(self.last.member)
+
+    @cached_property
     def variance(self) -> FloatArray:
         """The variance (k,) of an observation of weight 1 for each member."""
         least, given, last = self.problem.floor, self.problem.given_variance, self.last

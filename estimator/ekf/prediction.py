@@ -103,8 +103,7 @@ class PredictedTumble:
         rows = np.searchsorted(nodes, time)
         state = np.concatenate([path.position(u), path.velocity(u)], axis=1)[rows]
         by_path = to_si[:, None] * by_path[rows]
-        slipping = 0.0 if problem.slips else 1.0
-        density = slipping * float(found.probability @ [member.path for member in found.members])
+        density = 0.0 if problem.slips else found.mean_density.path
         lasts = self._lasting_variance(density)
         added = grown_outside(problem.path, (density, lasts), *self._ends, time)
         b, by_points = np.zeros(3), np.zeros((3, 3 * len(at.points)))
@@ -121,7 +120,7 @@ class PredictedTumble:
             of_it = changed_inertia(about, theta + inertia, np.inf)
             return Rotation(origin, start.attitude @ exp_rotation(turn), start.rate + rate, of_it, start.orbit)
 
-        torque = float(found.probability @ [member.turn for member in found.members])
+        torque = found.mean_density.turn
         there = TurningPoint(start, changed, b, joint, torque, self._lasting_torque(torque))
         mean, covariance = there.away(time, state, by_path)
         return mean, covariance + added

@@ -73,3 +73,16 @@ def test_the_level_is_the_density_that_moves_by_a_variance():
     variance, span = 0.04, 30.0
     moved = quad(lambda t: (span - t) ** 2, 0.0, span)[0]
     assert level_of(variance, span) * moved == pytest.approx(variance)
+
+
+@pytest.mark.parametrize("most", [2.0, 4.0, 7.0, 2e3])
+def test_the_mean_density_has_its_improbable_members(most):
+    """Of a likelihood e^(−q/a), as of tracks that show none: a/u/(1 + (ln (a/1e-4) − γ)/u), u = DECADES ln 10.
+
+    The trapezoidal rule in steps of a decade is good to 2 |Γ(1 + 2πi/ln 10)| = 11 %. Without the members of less than
+    2 % each, it was 0.8, 0.5, 0.3 and 0.8 of that.
+    """
+    bank = Bank(Axis(1.0, "auto"), NONE, lambda members: np.array([-member.path / most for member in members]))
+    unit = DECADES * np.log(10)
+    expected = most / unit / (1 + (np.log(most / 1e-4) - np.euler_gamma) / unit)
+    assert bank.mean(bank.best(Member(0.0, 0.0))).path == pytest.approx(expected, rel=0.13)
