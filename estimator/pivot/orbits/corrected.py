@@ -18,10 +18,13 @@ from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.process_noise import DENSITY, ProcessNoisePath, with_noise_of, without_noise
 from baryscope.estimator.pivot.initial_solution import InitialSolution
+from baryscope.estimator.pivot.joint_covariance import without_spurious_information
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
+
+SHOWN = 2.0  # deviations of one coordinate of a shift, from which it is one
 
 
 def corrected_for_orbit(
@@ -69,11 +72,18 @@ def orbit_error_in(found: PivotSolution, base: Path) -> InexactOrbitPath | None:
 
 
 def wrong_orbit(found: PivotSolution, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
-    """The finding of a wrong orbit, if the path has an error of it and that is significant."""
+    """The finding of a wrong orbit, if the path has an error of it, and that is significant.
+
+    Its deviation is that of the covariance without spurious information, by which the place has to be told, too: a path
+    that follows the rotation may need an error of the orbit as it needs process noise.
+    """
     if orbit is None or not found.has(ORBIT_ERROR):
         return ()
-    factors = factors_of(found.path, found.solution.x, found.posterior.covariance)
-    radial, along, across = [factor for factor in factors if factor.name in NAMES][:3]
+    factors = factors_of(found.path, found.solution.x, without_spurious_information(found).of_x)
+    place = [factor for factor in factors if factor.name in NAMES][:3]
+    if all(abs(one.value) < SHOWN * one.deviation for one in place):
+        return ()
+    radial, along, across = place
     return (
         WrongOrbit(
             (radial.value, along.value, across.value),
