@@ -7,6 +7,7 @@ it is 0 in half of all cases, and χ² with one degree of freedom in the others 
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import main_cluster
 from baryscope.estimator.findings import FollowsRotation
@@ -20,12 +21,16 @@ from baryscope.estimator.pivot.joint_covariance import SPURIOUS, JointCovariance
 from baryscope.estimator.pivot.pivot_solution import SIGNIFICANT, PivotSolution
 from baryscope.estimator.pivot.reduced import bounded_cost
 from baryscope.estimator.pivot.refinement import refined
+from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError
+
+FloatArray = NDArray[np.float64]
 
 FAINT = 1e-30  # m²/s³: a density without effect
 FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
 PARTLY_FEIGNED = 0.1  # the same, in other directions: where one is wrong, they are
 HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two radii, four deviations, at most
+BY_CHANCE = 5.0  # deviations of the noise of a sum of squares, from one place to that where it is least
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
 
@@ -35,6 +40,10 @@ def with_needed_noise(found: PivotSolution, start: InitialSolution, options: Pat
     Where hardly more than noise tells the offsets, steps that may use process noise can end with wrong offsets that
     need it. Without it they come near the right ones. The more modes it has, the more of such offsets it makes likely:
     where much is feigned, that with the fewest is compared.
+
+    A path that follows the rotation may be likelier, as it follows the attitudes' noise, too. But that there are other
+    offsets, with which the path needs no noise at all, would be a far greater chance, if these are wrong: so they need
+    not be likelier where much is feigned, and chance makes the squares as much less.
     """
     path = start.path
     if not isinstance(path, ProcessNoisePath) or path.density is not None or smooth_in(path) is not None:
@@ -50,7 +59,10 @@ def with_needed_noise(found: PivotSolution, start: InitialSolution, options: Pat
             gain = gain_over(refined(replace(start, path=replace(path, most=path.count)), options), other, start)
     except ComputationError:
         return found
-    return other if gain > SIGNIFICANT else found
+    if gain > SIGNIFICANT:
+        return other
+    quiet_enough = found.shown_spurious_share > FEIGNED and other.converged and not other.has(DENSITY)
+    return other if quiet_enough and squares_by_chance(found, other) else found
 
 
 def gain_over(found: PivotSolution, other: PivotSolution, start: InitialSolution) -> float:
@@ -106,3 +118,22 @@ def following_rotation(
     changes = np.concatenate([solution.offset_covariance[:, own], solution.offset_path[own].T]) @ feigned
     follows = FollowsRotation(float(shares[-1]), found.path_unknowns)
     return joint.grown(changes * np.sqrt(missing)).displaced(most, found.sampled.itself), (follows,)
+
+
+def squares_by_chance(found: PivotSolution, other: PivotSolution) -> bool:
+    """Whether noise alone may make the sum of squares of one solution so much less than that of another (Vuong 1989).
+
+    Both are of the frames' own noise: what one frame has less of in one of them says nothing of the next one.
+    """
+    used = (found.observations.weight > 0) & (other.observations.weight > 0)
+    variance = min(found.frame_variance, other.frame_variance)
+    less = np.where(used, _bounded(other, variance) - _bounded(found, variance), 0.0).sum(axis=1)
+    deviation = float(np.sqrt(found.lasting * len(less) * less.var()))
+    return float(less.sum()) <= BY_CHANCE * deviation
+
+
+def _bounded(found: PivotSolution, variance: float) -> FloatArray:
+    """The squared residuals (n, m) of observations, over their variance, with outliers of a bounded cost."""
+    weight = found.observations.weight
+    squares = np.divide(found.untied_problem.squares, weight, out=np.zeros_like(weight), where=weight > 0)
+    return np.minimum(squares / variance, GATE)

@@ -29,8 +29,7 @@ from baryscope.estimator.pivot.orbits.smooth_rotation import by_smooth_rotation
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import refined
-from baryscope.estimator.pivot.unexplained import gain_over
-from baryscope.estimator.registration.noise import GATE
+from baryscope.estimator.pivot.unexplained import gain_over, squares_by_chance
 from baryscope.models.errors import ComputationError, InputError
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +38,6 @@ CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
 MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
 UNTOLD = 0.01  # of the distance: J2 moves the target against the chaser by as much, 3 J2 of it in a radian
-BY_CHANCE = 5.0  # deviations of the noise of a sum of squares, from one place to that where it is least
 
 
 def with_estimated_orbit(
@@ -60,7 +58,7 @@ def _is_likelier(found: PivotSolution, other: PivotSolution, start: InitialSolut
     """Whether a solution on an orbit is likelier than one on a smooth path, which need not have converged."""
     if found.converged and gain_over(found, other, start) - fit.prior_cost >= DECISIVE:
         return True
-    return _squares_by_chance(found, other) and _gain_there(found, other, start) >= DECISIVE
+    return squares_by_chance(found, other) and _gain_there(found, other, start) >= DECISIVE
 
 
 def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]:
@@ -250,22 +248,3 @@ def _coefficients(smooth: SmoothPath, orbital: Path, x: FloatArray) -> FloatArra
     time = (smooth.begin + smooth.end) / 2 + (smooth.end - smooth.begin) / 2 * at
     places = orbital.at(time).position(x[: orbital.size])
     return np.asarray(np.linalg.solve(chebyshev.chebvander(at, smooth.degree), places).ravel())
-
-
-def _squares_by_chance(found: PivotSolution, other: PivotSolution) -> bool:
-    """Whether noise alone may make the sum of squares of one solution so much less than that of another (Vuong 1989).
-
-    Both are of the frames' own noise: what one frame has less of in one of them says nothing of the next one.
-    """
-    used = (found.observations.weight > 0) & (other.observations.weight > 0)
-    variance = min(found.frame_variance, other.frame_variance)
-    less = np.where(used, _bounded(other, variance) - _bounded(found, variance), 0.0).sum(axis=1)
-    deviation = float(np.sqrt(found.lasting * len(less) * less.var()))
-    return float(less.sum()) <= BY_CHANCE * deviation
-
-
-def _bounded(found: PivotSolution, variance: float) -> FloatArray:
-    """The squared residuals (n, m) of observations, over their variance, with outliers of a bounded cost."""
-    weight = found.observations.weight
-    squares = np.divide(found.untied_problem.squares, weight, out=np.zeros_like(weight), where=weight > 0)
-    return np.minimum(squares / variance, GATE)
