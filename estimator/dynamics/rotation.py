@@ -47,6 +47,7 @@ NODE_PHASE = 1.0  # rad of the torque's last mode from node to node, at most
 MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
 MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate
 RATE_AND_INERTIA = 8  # unknowns of a free rotation: three of the rate at the epoch, five of the inertia
+INERTIA = slice(3, RATE_AND_INERTIA)  # the latter
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from baryscope.estimator.adjustment.frame_shifts import FrameShifts, shifts_in
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION, Excess, of_a_body
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
+from baryscope.estimator.dynamics.rotation import INERTIA, RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.nutation import near_spins
@@ -42,7 +42,6 @@ MAX_POSES = 1500  # attitudes that the motion is fitted to
 PREDICTED = 0.7  # rad within which attitudes count as predicted
 WINDOW_GROWTH = 3.0  # factor of the fitted window from one fit to the next
 MAX_STEPS = 12  # of one fit
-INERTIA = slice(3, RATE_AND_INERTIA)  # among the unknowns
 DAMPING = 1e-6  # of the first step of a fit, over the diagonal
 # Relative decrease of the cost that a step must predict, while the window grows and at the end.
 ROUGH_TOLERANCE, FINE_TOLERANCE = 0.1, 1e-3

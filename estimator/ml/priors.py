@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION, Excess
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
+from baryscope.estimator.dynamics.rotation import INERTIA, RATE_AND_INERTIA, Rotation
 from baryscope.estimator.hyperparameters.evidence import GaussianLikelihood
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.estimator.paths.path import Path
@@ -24,7 +24,6 @@ from baryscope.models.attitude import INERTIA_BASIS
 FloatArray = NDArray[np.float64]
 
 DENSITY = "torque noise"
-INERTIA = slice(3, RATE_AND_INERTIA)  # among the unknowns
 
 
 @dataclass(frozen=True, eq=False)
