@@ -22,3 +22,16 @@ def assert_it_can_be_judged(case, sample):
     bounds = bounds_of(case, sample)
     assert all(np.isfinite(value) and value >= 0 for value in bounds.values())
     assert bounds["tumble orbit"] <= bounds["free orbit"] * (1 + 1e-6)
+
+
+def assert_it_is_drawn_and_sampled_alone(drawn, sampled, seed, index):
+    """A case is of its seed and index alone, and a sample of it of its draw."""
+    case, again = drawn(seed, index), drawn(seed, index)
+    np.testing.assert_array_equal(again.path, case.path)
+    assert again.kind == case.kind
+    one, same, other = sampled(case), sampled(again), sampled(again, 1)
+    np.testing.assert_array_equal(same.tracks.position, one.tracks.position)
+    np.testing.assert_array_equal(same.tracks.seen, other.tracks.seen)
+    seen = same.tracks.seen
+    assert (same.tracks.position[seen] != other.tracks.position[seen]).all()
+    assert drawn(seed + 1, index).kind != again.kind

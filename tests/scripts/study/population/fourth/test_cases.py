@@ -10,7 +10,7 @@ from baryscope.estimator import PathOptions, estimate
 from baryscope.study.population.__main__ import main
 from baryscope.study.population.fourth.cases import CLEAN, drawn, sampled
 from baryscope.study.population.fourth.chasers import FARTHEST, NEAREST
-from judged import assert_it_can_be_judged
+from judged import assert_it_can_be_judged, assert_it_is_drawn_and_sampled_alone
 
 SEED, COUNT = 1, 24
 FAR, OBLATE = 13, 53  # four features 17 radii from the centre of mass; 2000 s about an oblate Earth
@@ -28,15 +28,7 @@ def sample_of(index):
 
 @pytest.mark.parametrize("index", [0, 2, 5, 11])
 def test_a_case_is_of_its_seed_and_index_alone_and_a_sample_of_its_draw(index):
-    again = drawn(SEED, index)
-    np.testing.assert_array_equal(again.path, case_of(index).path)
-    assert again.kind == case_of(index).kind
-    same, other = sampled(again), sampled(again, 1)
-    np.testing.assert_array_equal(same.tracks.position, sample_of(index).tracks.position)
-    np.testing.assert_array_equal(same.tracks.seen, other.tracks.seen)
-    seen = same.tracks.seen
-    assert (same.tracks.position[seen] != other.tracks.position[seen]).all()
-    assert drawn(SEED + 1, index).kind != again.kind
+    assert_it_is_drawn_and_sampled_alone(drawn, sampled, SEED, index)
 
 
 def test_draws_stay_as_they_are():

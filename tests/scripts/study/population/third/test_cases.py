@@ -7,7 +7,7 @@ import pytest
 
 from baryscope.study.population.third.cases import CLEAN, drawn, sampled
 from baryscope.study.population.third.mismatches import KINDS, planned
-from judged import assert_it_can_be_judged
+from judged import assert_it_can_be_judged, assert_it_is_drawn_and_sampled_alone
 
 SEED, COUNT = 1, 40
 WORDS = {  # that name a mismatch in the kind of a case, where they are not its name
@@ -43,15 +43,7 @@ def test_a_kind_names_each_mismatch_and_no_other(index):
 
 @pytest.mark.parametrize("index", [0, 5, 13, 21])
 def test_a_case_is_of_its_seed_and_index_alone_and_a_sample_of_its_draw(index):
-    again = drawn(SEED, index)
-    np.testing.assert_array_equal(again.path, case_of(index).path)
-    assert again.kind == case_of(index).kind
-    same, other = sampled(again), sampled(again, 1)
-    np.testing.assert_array_equal(same.tracks.position, sample_of(index).tracks.position)
-    np.testing.assert_array_equal(same.tracks.seen, other.tracks.seen)
-    seen = same.tracks.seen
-    assert (same.tracks.position[seen] != other.tracks.position[seen]).all()
-    assert drawn(SEED + 1, index).kind != again.kind
+    assert_it_is_drawn_and_sampled_alone(drawn, sampled, SEED, index)
 
 
 @pytest.mark.parametrize("index", range(0, COUNT, 2))
