@@ -31,8 +31,6 @@ from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 
-CREDIBLE = 0.05  # probability on either side of the bounds of a density
-
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
@@ -78,9 +76,9 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=FilterDetails(
             process_noise=last.member.path,
-            process_noise_bounds=_bounds([member.path for member in found.members], found.probability),
+            process_noise_bounds=found.bounds[0],
             torque_noise=last.member.turn,
-            torque_noise_bounds=_bounds([member.turn for member in found.members], found.probability),
+            torque_noise_bounds=found.bounds[1],
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.frame_variance,
             log_likelihood=-0.5 * (last.parameters.log_determinant + last.parameters.squares / last.variance),
@@ -131,19 +129,10 @@ def process_noise_of(found: Passes) -> ProcessNoise:
     return ProcessNoise(
         "estimated",
         best.path,
-        _bounds([member.path for member in found.members], found.probability),
+        found.bounds[0],
         None if least is None else 2 * max(scores[best] - least, 0.0),
         of_position=on_position,
     )
-
-
-def _bounds(densities: list[float], probability: FloatArray) -> tuple[float, float]:
-    """The least and greatest densities whose probability on either side is at least CREDIBLE."""
-    order = np.argsort(densities)
-    below = np.cumsum(probability[order])
-    ends = np.searchsorted(below, [CREDIBLE, 1 - CREDIBLE]).clip(max=len(order) - 1)
-    lower, upper = (float(densities[int(order[end])]) for end in ends)
-    return lower, upper
 
 
 def _features(found: Passes) -> IntArray:

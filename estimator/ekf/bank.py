@@ -2,7 +2,8 @@
 
 A density is zero with probability 1/2; else every factor of ten of it, over sixteen of them, is as probable as any
 other. The levels at which the likelihood is evaluated lie at factors of the density whose effect over the time span
-equals the noise of a single observation.
+equals the noise of a single observation. Where the tracks tell a density better than to a factor of ten, the
+intervals between levels are halved.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,8 +22,14 @@ FINE = 10.0  # factor between neighbouring levels
 GENEROUS = 1e4  # level of a noise that leaves the other one free to be judged
 MAX_REFINEMENTS = 12  # moves of the bank to a better neighbour
 CLOSE = 0.4  # decades, within which a density need not be evaluated beside another
+STEEPEST = 2.0  # logarithm by which neighbours differ where one is probable, above which a level is tried between
+HALVINGS = 10  # of a factor of ten
+ROUNDING = 1e-9  # difference of logarithms of one density
+CREDIBLE = 0.05  # probability on either side of the bounds of a density
 NEGLIGIBLE = 0.02  # probability below which a member does not enter the result,
 ALL = 0.9  # unless those that do have less than this together, as where many are equally probable
+
+Bounds = tuple[float, float]  # least and greatest density
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,13 @@ class Bank:
             best = found
         return best
 
+    def narrowed(self, best: Member) -> Member:
+        """The most probable member along either density from the best one, with levels between where those are far."""
+        for axis in (self.path, self.turn):
+            if axis.free:
+                best = self._narrow(axis, best)
+        return best
+
     def scaled(self, member: Member, factor: float) -> Member:
         """A member with densities that are estimated times a factor."""
         path, turn = (factor if axis.free else 1.0 for axis in (self.path, self.turn))
@@ -129,6 +143,20 @@ class Bank:
         (paths, path_weight), (turns, turn_weight) = (self._weights(axis, best) for axis in (self.path, self.turn))
         return Member(float(path_weight @ paths), float(turn_weight @ turns))
 
+    def bounds(self, best: Member) -> tuple[Bounds, Bounds]:
+        """The bounds that hold 90 % of the density of path and rotation, along either from the best member."""
+        self._survey(best)
+        return self._bounds(self.path, best), self._bounds(self.turn, best)
+
+    def _bounds(self, axis: Axis, best: Member) -> Bounds:
+        densities, weight = self._weights(axis, best)
+        positive = np.array(densities) > 0
+        if not positive.any():
+            return 0.0, 0.0
+        below = (np.cumsum(weight) - weight / 2)[positive]  # half of a level's own
+        low, high = np.exp(np.interp([CREDIBLE, 1 - CREDIBLE], below, np.log(np.array(densities)[positive]))).tolist()
+        return (0.0 if weight[~positive].sum() >= CREDIBLE else low), high
+
     def _survey(self, best: Member) -> None:
         """Evaluate, along either density from the best member, the coarse levels, and beside all that is probable."""
         free = [axis for axis in (self.path, self.turn) if axis.free]
@@ -136,6 +164,22 @@ class Bank:
         while new:
             self._best(new)
             new = [self._with(axis, best, density) for axis in free for density in self._beside(axis, best)]
+        self.narrowed(best)
+
+    def _narrow(self, axis: Axis, best: Member) -> Member:
+        """The most probable member along a density, with levels about it until no two that count are far apart."""
+        for _ in range(HALVINGS):
+            probable = {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
+            best = self._with(axis, best, max(probable, key=probable.__getitem__))
+            score = np.array([value for density, value in probable.items() if density > 0])
+            level = np.log([density for density in probable if density > 0])
+            counts = np.maximum(score[1:], score[:-1]) > max(probable.values()) - STEEPEST
+            far = counts & (_rise(level, score) > STEEPEST)
+            if not far.any():
+                break
+            middle = np.exp((level[1:] + level[:-1])[far] / 2)
+            self._best([self._with(axis, best, density) for density in middle.tolist()])
+        return best
 
     def _beside(self, axis: Axis, best: Member) -> list[float]:
         """The densities beside probable ones that are not known yet."""
@@ -164,11 +208,11 @@ class Bank:
         """Densities, ascending, and their probabilities."""
         scores = self._along(axis, best)
         densities = list(scores)
+        logarithm = np.array([scores[density] + axis.log_prior(density) for density in densities])
         width = np.ones(len(densities))
         positive = [k for k, density in enumerate(densities) if density > 0]
         if len(positive) > 1:
-            width[positive] = np.abs(np.gradient(np.log10([densities[k] for k in positive])))
-        logarithm = np.array([scores[density] + axis.log_prior(density) for density in densities])
+            width[positive] = _widths(np.log10([densities[k] for k in positive]), logarithm[positive])
         weight = width * np.exp(logarithm - logarithm.max())
         return densities, weight / weight.sum()
 
@@ -186,3 +230,26 @@ class Bank:
     def log_posterior(self, member: Member) -> float:
         """Logarithm of a member's likelihood and prior, but for a constant."""
         return self.scores[member] + self.path.log_prior(member.path) + self.turn.log_prior(member.turn)
+
+
+def _rise(level: FloatArray, score: FloatArray) -> FloatArray:
+    """How far apart scores (k,) of successive levels (k,) are, or that of a peak between them, which their neighbours'
+    slopes lead to (k - 1,).
+    """
+    apart, change = np.diff(level), np.diff(score)
+    slope = np.divide(change, apart, out=np.zeros_like(change), where=apart > ROUNDING)
+    slope = np.concatenate([[0.0], slope, [0.0]])
+    return np.asarray(np.maximum(np.abs(change), np.minimum(slope[:-2], -slope[2:]) * apart))
+
+
+def _widths(levels: FloatArray, logarithm: FloatArray) -> FloatArray:
+    """The decades (k,) that levels (k,), ascending, stand for, of a probability with that logarithm (k,).
+
+    By the trapezoidal rule, and to either end as far as the one inside. To a far level at which the probability is much
+    smaller it is as far as to the near one on the other side, since where levels are close it falls as closely.
+    """
+    apart, drop = np.diff(levels) / 2, np.diff(logarithm)
+    below, above = np.append(apart[0], apart), np.append(apart, apart[-1])
+    falls_below, falls_above = np.append(0.0, drop) > STEEPEST, np.append(-drop, 0.0) > STEEPEST
+    least = np.minimum(below, above)
+    return np.where(falls_below, least, below) + np.where(falls_above, least, above)

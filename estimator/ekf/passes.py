@@ -11,7 +11,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
+from baryscope.estimator.ekf.bank import GENEROUS, Bank, Bounds, Member
 from baryscope.estimator.ekf.camera import CameraErrors
 from baryscope.estimator.ekf.linearised import (
     INERTIA,
@@ -116,6 +116,12 @@ class Passes:
     def probability(self) -> FloatArray:
         """Their probabilities (k,)."""
         return self._posterior[1]
+
+    @cached_property
+    def bounds(self) -> tuple[Bounds, Bounds]:
+        """The bounds of the densities of path and rotation that hold 90 %."""
+        last = self.last.member
+        return self.last.bank.bounds(last) if self.last.bank else ((last.path, last.path), (last.turn, last.turn))
 
     @cached_property
     def mean_density(self) -> Member:
@@ -298,7 +304,7 @@ def _process_noise(
     bank = Bank(*axes, scores)
     ratio = variance / last.noise_variance
     near = last.bank is not None and abs(np.log(ratio)) < ANOTHER_VARIANCE
-    return bank, bank.best(bank.scaled(last.member, ratio) if near else None)
+    return bank, bank.narrowed(bank.best(bank.scaled(last.member, ratio) if near else None))
 
 
 def _solved(
