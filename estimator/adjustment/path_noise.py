@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.position_noise import Slip
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.options import Density
-from baryscope.estimator.paths.path import Path
+from baryscope.estimator.paths.path import FIXED, Path
 from baryscope.estimator.paths.prior import Prior
-from baryscope.estimator.paths.process_noise import DENSITY, noise_in, told_slip
+from baryscope.estimator.paths.process_noise import DENSITY, noise_in
 from baryscope.estimator.paths.sampled_path import SampledPath
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.result import ProcessNoise
@@ -17,14 +18,18 @@ FloatArray = NDArray[np.float64]
 
 
 def process_noise_of(
-    path: Path, sampled: SampledPath, x: FloatArray, prior: Prior, found: Posterior, asked: Density
+    path: Path, sampled: SampledPath, x: FloatArray, prior: Prior, found: Posterior, asked: Density, slip: Slip
 ) -> ProcessNoise:
     """The process noise of a path with unknowns x (p,), sampled at the tracks' times.
 
-    found: the posterior of the hyperparameters of the prior; asked: what the options ask for.
+    found: the posterior of the hyperparameters of the prior; asked: what the options ask for; slip: of a fixed path.
     """
-    if (slip := told_slip(path, asked)) > 0:
-        return ProcessNoise("given", slip, of_position=True)
+    if path.name == FIXED:
+        if not isinstance(asked, str):
+            return ProcessNoise("given", slip.variance, of_position=True)
+        if slip.interval is None:  # not looked for, as steps have not come to rest
+            return ProcessNoise("none", 0.0, of_position=True)
+        return ProcessNoise("estimated", slip.variance, slip.interval, slip.significance, of_position=True)
     noise = noise_in(path)
     if noise is None:
         return ProcessNoise("none", 0.0)

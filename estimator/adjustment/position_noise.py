@@ -7,7 +7,8 @@ Slips may last. What is constant then knows as little as from white noise of s²
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ MOST_EXPLAINED = 0.8  # share of the slips' variance
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
 MOST_SHAKE = 3e-3  # rad, of a camera from frame to frame: a sixth of a degree
 BLOCKS, BLOCK = 5, 1200  # of successive frames of a body that are looked at where slow slips are none of it, at most
+LIKELY = 2.7055  # χ² of one degree of freedom that 90 % are below
+HALVINGS = 24  # of the range, to find where the likelihood has fallen by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,86 @@ class _Shifts:
         return cls(shift, np.divide(variance, along, out=np.full_like(along, np.inf), where=known), axes)
 
 
-def position_variance(
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Of the variance of n shifts: size (n,), 1/m², one over that to which each is known; square (n,): z²."""
+
+    size: FloatArray
+    square: FloatArray
+
+    @classmethod
+    def of(cls, series: Sequence[_Shifts]) -> "_Likelihood":
+        """From the shifts of each body's spans, along the axes along which they are known."""
+        known = [np.isfinite(one.variance) for one in series]
+        size = np.concatenate([1 / one.variance[told] for one, told in zip(series, known, strict=True)])
+        squares = [one.shift[told] ** 2 for one, told in zip(series, known, strict=True)]
+        return cls(size, np.concatenate(squares) * size)
+
+    def cost(self, logarithm: FloatArray) -> FloatArray:
+        """−2 ln of the likelihood of variances exp(logarithm) (k,), (k,)."""
+        grown = 1 + np.exp(logarithm)[:, None] * self.size
+        return np.asarray((np.log(grown) + self.square / grown).sum(axis=1))
+
+    @cached_property
+    def range(self) -> FloatArray:
+        """The least and the greatest logarithm that are tried (2,)."""
+        return np.asarray(np.log(np.array(RANGE) / np.median(self.size)))
+
+    @cached_property
+    def best(self) -> tuple[float, float]:
+        """The logarithm of the likeliest variance, and the cost there."""
+        return scanned_minimum(self.cost, float(self.range[0]), float(self.range[1]), SCAN, SWEEPS)
+
+    @property
+    def gained(self) -> float:
+        """2 ln of the likelihood over that of none."""
+        return float(self.square.sum()) - self.best[1]
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The variances between which the likelihood is within that of 90 % of the best, m²; the least may be 0."""
+        best, least = self.best
+        within, beyond = np.array([best, best]), self.range.copy()
+        for _ in range(HALVINGS):
+            middle = (within + beyond) / 2
+            likely = self.cost(middle) <= least + LIKELY
+            within, beyond = np.where(likely, middle, within), np.where(likely, beyond, middle)
+        low, high = np.exp(within).tolist()
+        return (low if self.gained > LIKELY else 0.0), high
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """How far a position slips: variance of a coordinate as of white noise, m², zero unless it is significant.
+
+    Where it is estimated, likelihood: that of the variance of the spans that show it best; factor: from that to
+    `variance`.
+    """
+
+    variance: float = 0.0
+    likelihood: _Likelihood | None = field(default=None, repr=False)
+    factor: float = 1.0
+
+    @property
+    def deviation(self) -> float:
+        """In m."""
+        return float(np.sqrt(self.variance))
+
+    @property
+    def significance(self) -> float | None:
+        """2 ln of the likelihood over that without, if it is estimated."""
+        return None if self.likelihood is None else max(self.likelihood.gained, 0.0)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """The variances that hold 90 %, m², if it is estimated."""
+        if self.likelihood is None:
+            return None
+        low, high = self.likelihood.interval
+        return self.factor * low, self.factor * high
+
+
+def position_slip(
     bodies: Sequence[Body],
     observations: Observations,
     origin: FloatArray,
@@ -65,8 +147,8 @@ def position_variance(
     significant: float = SIGNIFICANT,
     *,
     slow: bool = True,
-) -> float:
-    """The variance of a coordinate as of white noise, m², s² (1 + 2 Σ ρ), zero unless it is significant.
+) -> Slip:
+    """The slip of a position, of variance s² (1 + 2 Σ ρ).
 
     Slow slips hide in the noise of single frames. So spans of more and more frames are looked at, too, each as one, and
     those count that show a slip best.
@@ -76,14 +158,18 @@ def position_variance(
     slow. Of a path with process noise they are the path's: the frames by themselves tell, of which some thousands do.
     """
     frames = [_of_frames(body if slow else _some_of(body), observations, origin) for body in bodies]
-    longest, span, found = max(len(rhs) for _, rhs in frames) if slow else 1, 1, 0.0
+    longest, span, found = max(len(rhs) for _, rhs in frames) if slow else 1, 1, Slip()
     while span == 1 or FEWEST_SPANS * span <= longest:
         # Of many frames together the errors that last are as great as κ tells, of a single one they are in its noise.
         own = variance if span == 1 else lasting * variance
         series = [_Shifts.of(*_summed(information, rhs, span), own) for information, rhs in frames]
-        slip, gained = _slip_of(series)
-        if gained > significant:
-            found, significant = slip * span * _frames_of_a_slip(series, slip), gained
+        likelihood = _Likelihood.of(series)
+        if likelihood.gained > significant:
+            slip, significant = float(np.exp(likelihood.best[0])), likelihood.gained
+            factor = span * _frames_of_a_slip(series, slip)
+            found = Slip(slip * factor, likelihood, factor)
+        elif span == 1:
+            found = Slip(0.0, likelihood)
         span *= LONGER
     return found
 
@@ -115,21 +201,6 @@ def _summed(information: FloatArray, rhs: FloatArray, span: int) -> tuple[FloatA
     return np.add.reduceat(information, begins), np.add.reduceat(rhs, begins)
 
 
-def _slip_of(series: Sequence[_Shifts]) -> tuple[float, float]:
-    """The likeliest variance of shifts, m², and 2 ln of its likelihood over that of none."""
-    known = [np.isfinite(one.variance) for one in series]
-    size = np.concatenate([1 / one.variance[told] for one, told in zip(series, known, strict=True)])
-    square = np.concatenate([one.shift[told] ** 2 for one, told in zip(series, known, strict=True)]) * size
-    low, high = np.log(np.array(RANGE) / np.median(size))
-
-    def cost(logarithm: FloatArray) -> FloatArray:
-        grown = 1 + np.exp(logarithm)[:, None] * size
-        return np.asarray((np.log(grown) + square / grown).sum(axis=1))
-
-    best, least = scanned_minimum(cost, low, high, SCAN, SWEEPS)
-    return float(np.exp(best)), float(square.sum()) - least
-
-
 def _frames_of_a_slip(series: Sequence[_Shifts], slip: float) -> float:
     """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m².
 
@@ -152,13 +223,12 @@ def _frames_of_a_slip(series: Sequence[_Shifts], slip: float) -> float:
 class LastingAndShared:
     """What is taken for given of errors that are not new in every observation, until the steps have converged.
 
-    lasting: how many frames have the same errors of the features; slip: the variance of a position that slips, m²;
-    shifts: of the frames, None where there are none, for `told`, the variance of an observation of weight 1 in what all
-    frames tell, m² or 1.
+    lasting: how many frames have the same errors of the features; slip: of the position; shifts: of the frames, None
+    where there are none, for `told`, the variance of an observation of weight 1 in what all frames tell, m² or 1.
     """
 
     lasting: float
-    slip: float = 0.0
+    slip: Slip = Slip()
     told: float = np.nan
     shifts: FrameShifts | None = None
 
@@ -167,7 +237,7 @@ class LastingAndShared:
 
         frame_variance: of an observation of weight 1 in a frame by itself.
         """
-        shifts = FrameShifts.of(errors, origin, self.slip, frame_variance, self.lasting)
+        shifts = FrameShifts.of(errors, origin, self.slip.variance, frame_variance, self.lasting)
         return replace(self, told=self.lasting * frame_variance, shifts=shifts)
 
     def slipping(
@@ -179,17 +249,18 @@ class LastingAndShared:
         may not are of a camera that shakes. A path that is far off seems to show more than any camera shakes, and than
         the features are apart: that is no slip.
         """
-        significant = STILL if self.slip > 0 else SIGNIFICANT
-        slip = position_variance(bodies, observations, origin, variance, self.lasting, significant, slow=slow)
-        if slip > self.slip:
+        significant = STILL if self.slip.variance > 0 else SIGNIFICANT
+        slip = position_slip(bodies, observations, origin, variance, self.lasting, significant, slow=slow)
+        if slip.variance > self.slip.variance:
             most = max(rms_radius(body.points) for body in bodies)
             if not slow:
                 distance = np.median(np.linalg.norm(observations.position[observations.weight > 0], axis=-1))
                 most = min(most, MOST_SHAKE * distance)
-            if slip > most**2:
+            if slip.variance > most**2:
                 return self
         return replace(self, slip=slip)
 
     def slips_unlike(self, other: "LastingAndShared") -> bool:
         """Whether the slip is clearly another."""
-        return abs(self.slip - other.slip) > SLIP_TOLERANCE * max(self.slip, other.slip)
+        own, others = self.slip.variance, other.slip.variance
+        return abs(own - others) > SLIP_TOLERANCE * max(own, others)

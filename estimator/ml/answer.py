@@ -92,10 +92,10 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
-        details=_details(best, attached, pivot.slip),
+        details=_details(best, attached, pivot.slip.deviation),
         wall_time=0.0,
         forces=factors_of(best.path, best.x, of_x),
-        process_noise=process_noise_of(best.path, itself, best.x, prior, own, options.process_noise),
+        process_noise=process_noise_of(best.path, itself, best.x, prior, own, options.process_noise, pivot.slip),
         predictor=PredictedBody(
             path=of_path,
             rotation=best.rotation,
@@ -128,7 +128,7 @@ def _excess_residuals(
     the camera's attitude, or of the position, is in the first, but not in the second: there is no test then. Of errors
     that last there are fewer values.
     """
-    if pivot.slip > 0 or (errors is not None and errors.noisy):
+    if pivot.slip.variance > 0 or (errors is not None and errors.noisy):
         return ()
     free = pivot.observations
     weight = np.minimum(free.weight, best.observations.weight)

@@ -131,7 +131,7 @@ def maximised(
     variance = max(pivot.variance, floor)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
     stereo = StereoNoise.of(measured, max(pivot.frame_variance, floor)) if pivot.stereo else None
-    noise = FrameNoise.of(errors, pivot.slip, len(tracks.time), variance)
+    noise = FrameNoise.of(errors, pivot.slip.deviation, len(tracks.time), variance)
     given = _Given(tracks, pivot, density, noise, floor, stereo)
 
     rotation = tumble.rotation if options.torque_noise == "none" else with_modes(tumble.rotation, tracks.time)

@@ -82,11 +82,11 @@ def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOption
         method="pivot",
         path=found.path.name,
         options=options,
-        details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points), found.slip),
+        details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points), found.slip.deviation),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(found.path, x, of_x),
         process_noise=process_noise_of(
-            found.path, found.sampled, x, found.path.prior, found.posterior, options.process_noise
+            found.path, found.sampled, x, found.path.prior, found.posterior, options.process_noise, found.slip
         ),
         predictor=predictor,
     )

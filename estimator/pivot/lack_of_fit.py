@@ -85,14 +85,14 @@ def excess_residuals(found: PivotSolution, registered: Registered) -> ExcessResi
 def slips_excessively(found: PivotSolution) -> bool:
     """Whether the position slips so far that it is no pivot: further than features are from one another."""
     body = max(found.bodies, key=lambda one: len(one.frames))
-    return found.slip > RADII * rms_radius(body.points)
+    return found.slip.deviation > RADII * rms_radius(body.points)
 
 
 def _excessive_slip(found: PivotSolution) -> ExcessResiduals | None:
     """A finding if the position slips excessively."""
     if not slips_excessively(found):
         return None
-    return ExcessResiduals(found.path.name, float(np.hypot(found.slip, found.noise) / found.noise))
+    return ExcessResiduals(found.path.name, float(np.hypot(found.slip.deviation, found.noise) / found.noise))
 
 
 def lack_of_fit(found: PivotSolution, time: FloatArray) -> LackOfFit | None:

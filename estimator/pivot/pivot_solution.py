@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.attitude_noise import departures_of
 from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.position_noise import Slip
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes, SpuriousInformation
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.findings import Finding
@@ -56,7 +57,7 @@ class PivotSolution:
     hyperparameters of its prior; path_unknowns: the number of unknowns of x that the observations determine.
     regularisation: what the bodies' offsets are held by, and offset_information (k, 3, 3): how firmly in the last step,
     in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
-    slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
+    slip: of the position. tie_points between bodies that share features, and those
     refused as the labels belong to different points, or bodies disagree; shifts: of the n frames; findings against the
     models.
     """
@@ -78,7 +79,7 @@ class PivotSolution:
     regularisation: OffsetRegularisation
     offset_information: FloatArray
     stereo: bool
-    slip: float
+    slip: Slip
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
     last: LastStep

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
-from baryscope.estimator.adjustment.position_noise import LastingAndShared
+from baryscope.estimator.adjustment.position_noise import LastingAndShared, Slip
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.hyperparameters.evidence import held, improved
@@ -85,7 +85,7 @@ class _Refinement:
         if start.measured.precision is not None:
             self.stereo = stereo_noise(start.measured, self._places(), options.noise, (options.sigma or 1.0) ** 2)
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
-        self.errors = LastingAndShared(start.lasting, start.slip)
+        self.errors = LastingAndShared(start.lasting, Slip(start.slip))
         self.regularisation = OffsetRegularisation.of(start.bodies)
         self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.posed, self.extended = False, False, False
@@ -275,14 +275,14 @@ class _Refinement:
         given = self.errors
         slow = self.path.name != "relative-orbit"
         found = given.slipping(self.bodies, self.observations, self._origin(), self.least, slow=slow)
-        if more and not found.slip > given.slip:
+        if more and not found.slip.variance > given.slip.variance:
             return False
         self.errors = found
         if not found.slips_unlike(given):
             return False
         self.here = None  # what the last step has led to is of another noise
         # All that was found without may be far from what is found with it, and less of it with another.
-        self._go_on_for(MAX_ROUNDS if given.slip == 0 else min(FIRM_ROUNDS, max(LONGEST - self.rounds, 0)))
+        self._go_on_for(MAX_ROUNDS if given.slip.variance == 0 else min(FIRM_ROUNDS, max(LONGEST - self.rounds, 0)))
         return True
 
     def _goes_round(self) -> bool:
@@ -365,7 +365,7 @@ class _Refinement:
             regularisation=self.regularisation,
             offset_information=self.offset_information,
             stereo=self.stereo is not None,
-            slip=float(np.sqrt(self.errors.slip)),
+            slip=self.errors.slip,
             tie_points=tied,
             refused=refused,
             last=self.last,

@@ -71,7 +71,7 @@ def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
         return
-    if found.slip > 0 or found.path_unknowns <= CUBIC:
+    if found.slip.variance > 0 or found.path_unknowns <= CUBIC:
         return
     linear, prior, theta = scaled(found.problem, found.variance), found.path.prior, found.posterior.theta
     fit, spurious = _likeliest(linear, prior, theta, smooth), False

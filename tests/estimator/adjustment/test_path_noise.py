@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment.path_noise import process_noise_of
+from baryscope.estimator.adjustment.position_noise import Slip
 from baryscope.estimator.hyperparameters.integration import Posterior
 from baryscope.estimator.paths.path import Polynomial
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
@@ -17,7 +18,7 @@ POSTERIOR = Posterior(NOTHING, np.zeros((0, 2)), NOTHING, NOTHING, NOTHING, np.z
 
 
 def displacement(path, sampled, x):
-    found = process_noise_of(path, sampled, x, path.prior, POSTERIOR, "auto").displacement
+    found = process_noise_of(path, sampled, x, path.prior, POSTERIOR, "auto", Slip()).displacement
     assert found is not None
     return found
 
