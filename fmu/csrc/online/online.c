@@ -127,6 +127,14 @@ static double place_deviation(const Online *filter, const OnlineTumble *tumble, 
     return sqrt(square);
 }
 
+#define GAP 2.0 /* times longer than since the node before, after which frames that wait are a node by themselves */
+
+/* Whether a frame comes so late after the frames that wait that the way back to them would be long: noise of the path is on
+   it, and it is not straight. */
+static int is_left(const Online *filter, double time) {
+    return filter->node.count > 0.0 && time - filter->registered > GAP * (filter->registered - filter->turned);
+}
+
 /* Take a frame, until which manoeuvres have moved the chaser since the last one. */
 static int take_frame(Online *filter, double time, int count, const long long *names, const double *points,
                       const double *covariances, const Manoeuvre *manoeuvre) {
@@ -149,9 +157,20 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         begin(filter, &frame, NULL);
         return ACCEPTED;
     }
-    int fits = is_expected(filter, &frame, &predicted, &pose);
-    if (!fits) keep_posterior(filter);
+    if (is_left(filter, time)) {
+        far_enough(filter, R);
+        sound = close_node(filter, &tumble, R);
+        filter->posterior_valid = 0.0;
+        predict_attitude(filter, time, &tumble, &predicted);
+        read_frame(filter, predicted.R, count, names, points, covariances, &frame);
+    }
+    int fits = sound && is_expected(filter, &frame, &predicted, &pose);
+    if (sound && !fits) keep_posterior(filter);
     advance(filter, time, manoeuvre);
+    if (!sound) {
+        begin(filter, &frame, NULL);
+        return ACCEPTED;
+    }
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
         return ACCEPTED;

@@ -184,10 +184,31 @@ def test_frames_of_a_single_feature_leave_what_was_foreseen(orbit):
     filter = OnlineEstimator(SIGMA, orbit)
     run(filter, TIME, tracks(np.random.default_rng(54), TIME / 4, orbital(TIME)))
     later = np.arange(TIME[-1] + 2.0, 1600.0, 2.0)
-    foreseen = filter.predict(later[-1])
     single = np.full((len(later), len(POINTS), 3), np.nan)
     single[:, 0] = orbital(later)
-    state = run(filter, later, single)[-1]
+    run(filter, later[:20], single[:20])  # those that wait are a node by themselves by then
+    foreseen = filter.predict(later[-1])
+    state = run(filter, later[20:], single[20:])[-1]
     size = np.sqrt(np.diag(foreseen.covariance))
     assert_allclose(state.position / size[:3], foreseen.position / size[:3], atol=0.05)
     assert_allclose(state.covariance / np.outer(size, size), foreseen.covariance / np.outer(size, size), atol=0.02)
+
+
+def test_frames_that_wait_before_a_gap_are_taken_where_they_were():
+    """60 s of a target that turns by 18° in them, and one frame four and a half minutes later.
+
+    They were taken together when that came, along a straight line over a sixth of a radian of the orbit, where the
+    offset was open by metres: the eight squares were 41 to 2200.
+    """
+    time, slower = np.append(np.arange(60.0), 330.0), 10.0
+    path, ahead = orbital(time), orbital(np.array([329.0, 331.0]))
+    truth = np.append(path[-1], (ahead[1] - ahead[0]) / 2)
+    nees = []
+    for draw in range(DRAWS):
+        seen = tracks(np.random.default_rng([55, draw]), time / slower, path, POINTS / 2, sigma=7e-4)
+        state = run(OnlineEstimator(7e-4, ORBIT), time, seen)[-1]
+        assert state.status is OnlineStatus.TRACKING
+        off = np.append(state.position, state.velocity) - truth
+        size = np.sqrt(np.diag(state.covariance))
+        nees.append(off / size @ np.linalg.solve(state.covariance / np.outer(size, size), off / size))
+    assert max(nees) < chi2.isf(ALPHA / DRAWS, 6)
