@@ -178,6 +178,17 @@ def _kind(finding):
     return re.sub("(?<=[a-z])(?=[A-Z])", "-", finding.__name__).lower()
 
 
+def test_the_first_screen_shows_the_scene_the_commands_and_the_three_paths():
+    """Before the first heading, with no other picture: a chart and the whole scene had them two screens down."""
+    first = text_of("README.md").split("\n## ")[0]
+    assert re.findall(r"""<img src="([^"]+)"|!\[[^\]]*\]\(([^)]+)\)""", first) == [("docs/report.png", "")]
+    assert (ROOT / "docs" / "report.png").exists()
+    for command in ("make demo", "make test"):
+        assert f"\n{command} " in first
+    for page in ("tutorial", "tutorial-cosimulation", "tutorial-motion-capture"):
+        assert f"](docs/{page}.md)" in first
+
+
 def test_the_gallery_has_every_picture_once():
     shown = re.findall(r"\[!\[[^\]]+\]\(([\w./-]+)\)\]\([\w./#-]+\)", text_of("docs/gallery.md"))
     docs = ROOT / "docs"
