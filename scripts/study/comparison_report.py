@@ -117,7 +117,7 @@ def error_chart(comparison: Comparison) -> Chart:
     return Chart(
         "Error of the centre of mass",
         "Distance from the truth. A band is where 95 % of the errors should be by the method's own covariance; methods "
-        "without a band have none. Drag to enlarge, click to choose the time of the scene.",
+        "without a covariance have no band. Drag to enlarge, click to choose the time of the scene.",
         "mm",
         tuple(series),
         log=True,
