@@ -7,7 +7,7 @@ prefer_one_thread()
 import argparse  # noqa: E402
 import sys  # noqa: E402
 
-from baryscope.study.joints.judging import judged, table  # noqa: E402
+from baryscope.study.joints.judging import judged, regions, table  # noqa: E402
 from baryscope.study.joints.recordings import MOTIONS, NOISES, SLACK  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
 
@@ -25,7 +25,10 @@ def main(arguments: list[str] | None = None) -> int:
     runner.add_argument("--motions", nargs="+", default=list(MOTIONS), choices=MOTIONS, metavar="MOTION")
     runner.add_argument("--noises", nargs="+", default=list(KINDS), choices=KINDS, metavar="NOISE")
     runner.set_defaults(run=_run)
-    command.add_report(commands, "the table").set_defaults(run=_report)
+    reporter = command.add_report(commands, "the table")
+    said = "how often the region that should hold the centre in 50 to 99 %% of draws does, instead"
+    reporter.add_argument("--regions", action="store_true", help=said)
+    reporter.set_defaults(run=_report)
     return command.executed(parser, arguments)
 
 
@@ -42,7 +45,8 @@ def _report(options: argparse.Namespace) -> None:
     def place(line: dict[str, str]) -> tuple[int, int, int]:
         return list(MOTIONS).index(line["motion"]), KINDS.index(line["noise"]), METHODS.index(line["method"])
 
-    print(table(sorted(command.reported(options), key=place)).markdown())
+    shown = regions if options.regions else table
+    print(shown(sorted(command.reported(options), key=place)).markdown())
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ FloatArray = NDArray[np.float64]
 
 LABELS = ("a", "b", "c", "d")
 FAR = 1e-3  # of true answers have a NEES beyond the limit of "far off"
+SHARES = (0.5, 0.9, 0.95, 0.99)  # of true answers, in the regions of which is told how many hold the centre
 
 
 def judged(motion: str, noise: str, seed: int, draw: int, method: Method) -> Line:
@@ -61,13 +62,31 @@ def _of_axis(found: FloatArray, covariance: FloatArray, truth: FloatArray) -> Li
 
 def table(lines: Sequence[Line]) -> Table:
     """A row for each motion, noise and method."""
+    headings = "motion, noise, method, draws, median error mm, median claim mm, NEES, 95 % band, median NEES, far off"
+    more = "hinges, axis ° rms, its NEES, time s"
+    rows = tuple(_row(names, group) for names, group in _groups(lines).items())
+    return Table(tuple(f"{headings}, {more}".split(", ")), rows, left=3)
+
+
+def regions(lines: Sequence[Line]) -> Table:
+    """How often the ellipsoid that should hold the centre with a probability does, by motion, noise and method.
+
+    The mean of NEES follows the few answers that are farthest off; these shares tell of the others.
+    """
+    rows = []
+    for names, group in _groups(lines).items():
+        nees = np.array([line["nees"] for line in group if "nees" in line])
+        held = [np.mean(nees < chdtri(3, 1 - share)) for share in SHARES] if len(nees) else []
+        rows.append((*names, str(len(nees)), *([f"{100 * share:.1f} %" for share in held] or ["-"] * len(SHARES))))
+    headings = [f"in {100 * share:g} %" for share in SHARES]
+    return Table(("motion", "noise", "method", "draws", *headings), tuple(rows), left=3)
+
+
+def _groups(lines: Sequence[Line]) -> dict[tuple[str, str, str], list[Line]]:
     groups: dict[tuple[str, str, str], list[Line]] = {}
     for line in lines:
         groups.setdefault((line["motion"], line["noise"], line["method"]), []).append(line)
-    headings = "motion, noise, method, draws, median error mm, median claim mm, NEES, 95 % band, median NEES, far off"
-    more = "hinges, axis ° rms, its NEES, time s"
-    rows = tuple(_row(names, group) for names, group in groups.items())
-    return Table(tuple(f"{headings}, {more}".split(", ")), rows, left=3)
+    return groups
 
 
 def _row(names: tuple[str, str, str], group: list[Line]) -> tuple[str, ...]:

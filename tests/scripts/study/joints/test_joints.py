@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baryscope.study.joints.__main__ import main
-from baryscope.study.joints.judging import judged, table
+from baryscope.study.joints.judging import judged, regions, table
 from baryscope.study.joints.recordings import (
     IN_CHILD,
     LASTING,
@@ -77,3 +77,33 @@ def test_a_line_has_the_error_beside_the_claim_and_the_table_counts(capsys, tmp_
     assert main(["report", str(tmp_path / "a.jsonl")]) == 0
     names = [row.split(" | ")[:3] for row in capsys.readouterr().out.splitlines()[2:]]
     assert names == [["| circles", "lasting", "ml"], ["| hinge", "white", "score"]]
+
+
+def test_regions_hold_what_they_should(capsys, tmp_path):
+    """Of true answers, NEES being χ² of 3, as many as they say, within 4 standard deviations of a share of 2000; and a
+    few that are far off, which are the whole of the mean of NEES, cost each region no more than their own share.
+    """
+    line = {
+        "motion": "gait",
+        "noise": "by angle",
+        "method": "ml",
+        "error": 0.01,
+        "claimed": 0.01,
+        "hinge": False,
+        "wall": 0,
+    }
+    true = np.random.default_rng(5).chisquare(3, 2000)
+    (row,) = regions([line | {"nees": nees} for nees in true]).rows
+    assert row[:4] == ("gait", "by angle", "ml", "2000")
+    for cell, share in zip(row[4:], (0.5, 0.9, 0.95, 0.99), strict=True):
+        assert float(cell.removesuffix(" %")) / 100 == pytest.approx(share, abs=4 * np.sqrt(share * (1 - share) / 2000))
+    (far,) = regions([line | {"nees": nees} for nees in (*true, *[1e4] * 20)]).rows
+    ours, its = (np.array([float(cell.removesuffix(" %")) for cell in one[4:]]) for one in (row, far))
+    np.testing.assert_allclose(its, ours * 2000 / 2020, atol=0.11)  # of two rounded cells
+    assert regions([line | {"failure": "too few frames"}]).rows[0][3:] == ("0", *["-"] * 4)
+    for draw, nees in enumerate((1.0, 7.0)):  # within 7.81, the limit of 95 %; the second beyond 6.25, that of 90 %
+        append(tmp_path / "a.jsonl", line | {"seed": 1, "draw": draw, "nees": nees})
+    assert main(["report", "--regions", str(tmp_path / "a.jsonl")]) == 0
+    assert (
+        capsys.readouterr().out.splitlines()[2] == "| gait | by angle | ml | 2 | 50.0 % | 50.0 % | 100.0 % | 100.0 % |"
+    )
