@@ -11,6 +11,7 @@ from pathlib import Path  # noqa: E402
 from typing import TextIO  # noqa: E402
 
 from baryscope.models.files import write_together  # noqa: E402
+from baryscope.models.scenario import orbit_text  # noqa: E402
 from baryscope.study.images.judging import judged, prepared  # noqa: E402
 from baryscope.study.images.picture import picture  # noqa: E402
 from baryscope.study.images.report import table  # noqa: E402
@@ -30,7 +31,8 @@ def main(arguments: list[str] | None = None) -> int:
     _add_setting(runner)
     runner.set_defaults(run=_run)
     command.add_report(commands, "the table").set_defaults(run=_report)
-    writer = commands.add_parser("write", help="the images of a draw, with rig.toml, attitude.csv and truth.csv")
+    files = "rig.toml, attitude.csv, orbit.toml and truth.csv"
+    writer = commands.add_parser("write", help=f"the images of a draw, with {files}")
     writer.set_defaults(run=_write)
     painter = commands.add_parser("picture", help="the last left image of a draw, with what is followed, as PNG")
     painter.set_defaults(run=_paint)
@@ -64,6 +66,7 @@ def _write(options: argparse.Namespace) -> None:
     scene = drawn(options.seed, Setting(options.duration, options.rate, options.width, options.noise))
     write_images(scene, options.output)
     texts = {"rig.toml": rig_text(scene), "attitude.csv": _attitude(scene), "truth.csv": _truth(scene)}
+    texts["orbit.toml"] = orbit_text(scene.orbit.of_simulation())
     write_together({options.output / name: partial(_put, text) for name, text in texts.items()})
 
 

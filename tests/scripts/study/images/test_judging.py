@@ -9,6 +9,7 @@ from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import load_pair
 from baryscope.estimator.images import track
+from baryscope.models.scenario import load_orbit
 from baryscope.study.images import __main__ as command
 from baryscope.study.images.picture import picture, trails
 from baryscope.study.images.report import table
@@ -61,6 +62,7 @@ def test_the_picture_has_the_features_on_the_body(tracked):
 
 
 def test_the_files_of_a_draw_are_those_that_the_commands_read(tmp_path, monkeypatch):
+    """Of `baryscope track --rig` and `baryscope estimate --camera --rig --orbit`, for which there was no orbit."""
     monkeypatch.setattr(command, "drawn", lambda seed, setting: scene(3))
     assert command.main(["write", "-o", str(tmp_path / "draw")]) == 0
     camera = Camera.load(tmp_path / "draw" / "attitude.csv", tmp_path / "draw" / "rig.toml")
@@ -71,6 +73,7 @@ def test_the_files_of_a_draw_are_those_that_the_commands_read(tmp_path, monkeypa
     assert pair.left == scene(3).pair.left
     np.testing.assert_allclose(pair.R_left_right, scene(3).pair.R_left_right, atol=1e-15)
     assert len(list((tmp_path / "draw" / "right").glob("*.png"))) == 3
+    assert load_orbit(tmp_path / "draw" / "orbit.toml") == scene(3).orbit.of_simulation()
     path = np.loadtxt(tmp_path / "draw" / "truth.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(path[:, 1:], scene(3).path)
 
