@@ -147,10 +147,7 @@ def connected(scheduler: str) -> Iterator["Client"]:
         raise InputError(f"{scheduler}: no such file, {expected}")
     if not of_file and not re.fullmatch(r"(\w+://)?[^/\s]+:\d+", scheduler):
         raise InputError(f"{scheduler}: is no address, {expected}")
-    logger = logging.getLogger("distributed")
-    level, client = logger.level, None
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
+    with _silent("distributed"):
         try:
             where = {"scheduler_file": scheduler} if of_file else {"address": scheduler}
             client = Client(**where, timeout=TO_CONNECT, set_as_default=False)
@@ -158,11 +155,24 @@ def connected(scheduler: str) -> Iterator["Client"]:
             raise InputError(f"{scheduler}: {error}, {expected}") from error
         except OSError as error:
             raise ComputationError(f"{scheduler}: no scheduler answers within {TO_CONNECT:.0f} s") from error
-        yield client
-    finally:
-        if client is not None:
+        try:
+            yield client
+        finally:
             client.close(timeout=2)
-        logger.setLevel(level)
+
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """A logger and those below it log nothing; they may have levels of their own, as dask gives them."""
+    below = [logging.getLogger(one) for one in logging.root.manager.loggerDict if one.startswith(f"{name}.")]
+    levels = [(logger, logger.level) for logger in (logging.getLogger(name), *below)]
+    for logger, _ in levels:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in levels:
+            logger.setLevel(level)
 
 
 def run_there(case: Case, unit: bytes, program: str) -> dict[str, Any]:

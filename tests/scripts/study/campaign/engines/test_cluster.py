@@ -1,6 +1,7 @@
 """Campaigns on a dask cluster: a scheduler and workers as processes of their own, killed in the middle."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -81,6 +82,14 @@ def killed_after(process, path, count):
     return thread
 
 
+def logged(monkeypatch, name):
+    """What a logger, which has a level and handlers of its own, lets through from now on."""
+    said, handler = [], logging.Handler()
+    handler.emit = lambda record: said.append(record.getMessage())
+    monkeypatch.setattr(logging.getLogger(name), "handlers", [handler])
+    return said
+
+
 def test_a_killed_workers_cases_are_run_again(cluster, options, expected, tmp_path, capsys):
     """The lines are those of this process, to the last bit, though one worker of two ends in the middle."""
     address, _, workers = cluster
@@ -110,10 +119,12 @@ def test_workers_check_the_program(cluster, options):
 
 
 def test_a_lost_scheduler_loses_nothing_that_was_written(cluster, options, expected, tmp_path, capsys, monkeypatch):
+    """Nor does dask's client tell how it could not connect again: it wrote 40 lines of traceback above ours."""
     address, scheduler, _ = cluster
-    watch = killed_after(scheduler, tmp_path / RUNS, 2)
+    watch, said = killed_after(scheduler, tmp_path / RUNS, 2), logged(monkeypatch, "distributed.client")
     assert app.main(["campaign", *options, "--scheduler", str(address), "-o", str(tmp_path)]) == 1
     watch.join()
+    assert said == []
     line = capsys.readouterr().err.splitlines()[-1]
     kept = mended(tmp_path, read_plan(tmp_path)).count
     assert 2 <= kept < DRAWS
