@@ -61,19 +61,16 @@ def _reading(comparison: Comparison) -> str:
 
 
 def scene_of_flight(comparison: Comparison) -> Scene:
-    """The true motion, the estimates that have a covariance or, if none has, all of them; rejected by the first."""
+    """The true motion, and all estimates; rejected by the first that has a covariance or, if none has, by the first."""
     flight, tracks = comparison.flight, comparison.flight.tracks
-    done = [outcome for outcome in comparison.outcomes if outcome.estimate is not None]
-    telling = [one for one in done if one.estimate is not None and one.estimate.covariance is not None] or done
-    shown = tuple(
-        Shown(one.label, COLOURS[one.label], one.estimate.position, one.estimate.covariance)
-        for one in telling
-        if one.estimate is not None
-    )
+    done = [(outcome.label, outcome.estimate) for outcome in comparison.outcomes if outcome.estimate is not None]
+    shown = tuple(Shown(label, COLOURS[label], one.position, one.covariance) for label, one in done)
+    telling = [(label, one) for label, one in done if one.covariance is not None] or done
     rejected, words = np.zeros_like(tracks.seen), ""
-    if telling and telling[0].estimate is not None:
-        rejected = in_tracks(telling[0].estimate.rejected, telling[0].estimate.labels, tracks)
-        words = f"True motion. Rejected observations are those of {telling[0].label}."
+    if telling:
+        label, first = telling[0]
+        rejected = in_tracks(first.rejected, first.labels, tracks)
+        words = f"True motion. Rejected observations are those of {label}."
     body = Body(
         time=tracks.time,
         path=flight.true_path,
