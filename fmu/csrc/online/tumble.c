@@ -60,14 +60,13 @@ static void add_to_reference(ReferenceTumble *reference, const double middle[3][
     }
 }
 
-static void add_pair(Tumble *tumble, const OnlineOptions *options, const double before[3][3], const double turn[3], double T,
-                     double end, double variance) {
+static void add_pair(Tumble *tumble, const OnlineOptions *options, const double before[3][3], const double turn[3], int far,
+                     double T, double end, double variance) {
     double angle = sqrt(dot(turn, turn)), middle[3][3], half[3], w[3], axis[3];
     for (int k = 0; k < 3; k++) half[k] = 0.5 * turn[k], w[k] = turn[k] / T;
     copy(before, middle);
     turn_left(half, middle);
     gravity_gradient(options, end - 0.5 * T, axis);
-    int far = angle > 1.0; /* over a gap the mean rate says little */
     double weight = far ? 0.0 : 4.5 * T * T / variance; /* J is a third, and both ends are noisy */
     for (int c = 0; c < reference_count(options); c++) {
         tumble->reference[c].spin.gradient = c;
@@ -301,13 +300,13 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
     tumble->misfit = 1.0;
 }
 
-/* Take the attitude of a node: R, `turn` from the one `before`, from `begin` to `end`. */
+/* Take the attitude of a node: R, `turn` from the one `before`, from `begin` to `end`; far: over a gap, where the mean rate says little. */
 static void follow(Tumble *tumble, const OnlineOptions *options, double begin, double end, const double before[3][3],
-                   const double turn[3], const double R[3][3], const double noise[3][3]) {
+                   const double turn[3], int far, const double R[3][3], const double noise[3][3]) {
     double squares[REFERENCES], J[3][3];
     int count = reference_count(options);
     if (tumble->known == 0.0) {
-        add_pair(tumble, options, before, turn, end - begin, end, (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0);
+        add_pair(tumble, options, before, turn, far, end - begin, end, (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0);
         Attitude last = {.time = end};
         copy(R, last.R), copy(noise, last.noise);
         keep_attitude(tumble, &last);
