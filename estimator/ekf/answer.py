@@ -75,9 +75,9 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=FilterDetails(
-            process_noise=last.member.path,
+            process_noise=found.likeliest.path,
             process_noise_bounds=found.bounds[0],
-            torque_noise=last.member.turn,
+            torque_noise=found.likeliest.turn,
             torque_noise_bounds=found.bounds[1],
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.frame_variance,
@@ -119,20 +119,13 @@ def _few_frames(found: Passes) -> tuple[FewFrames, ...]:
 
 def process_noise_of(found: Passes) -> ProcessNoise:
     """The process noise of the path."""
-    best, on_position, options = found.last.member, found.problem.slips, found.problem.options
+    on_position, options, last = found.problem.slips, found.problem.options, found.last
     if options.process_noise == "none":
         return ProcessNoise("none", 0.0, of_position=on_position)
     if not isinstance(options.process_noise, str):
         return ProcessNoise("given", options.process_noise, of_position=on_position)
-    scores = {} if found.last.bank is None else found.last.bank.scores
-    least = scores.get(replace(best, path=0.0))
-    return ProcessNoise(
-        "estimated",
-        best.path,
-        found.bounds[0],
-        None if least is None else 2 * max(scores[best] - least, 0.0),
-        of_position=on_position,
-    )
+    significance = None if last.bank is None else last.bank.significance(last.member)
+    return ProcessNoise("estimated", found.likeliest.path, found.bounds[0], significance, of_position=on_position)
 
 
 def _features(found: Passes) -> IntArray:

@@ -106,13 +106,6 @@ class Bank:
             best = found
         return best
 
-    def narrowed(self, best: Member) -> Member:
-        """The most probable member along either density from the best one, with levels between where those are far."""
-        for axis in (self.path, self.turn):
-            if axis.free:
-                best = self._narrow(axis, best)
-        return best
-
     def scaled(self, member: Member, factor: float) -> Member:
         """A member with densities that are estimated times a factor."""
         path, turn = (factor if axis.free else 1.0 for axis in (self.path, self.turn))
@@ -148,6 +141,12 @@ class Bank:
         self._survey(best)
         return self._bounds(self.path, best), self._bounds(self.turn, best)
 
+    def significance(self, best: Member) -> float:
+        """2 ln of the likelihood of the path's density over that of none, for the best member's one of the rotation."""
+        self._survey(best)
+        scores = self._along(self.path, best)
+        return 2 * (max(scores.values()) - scores[0.0])
+
     def _bounds(self, axis: Axis, best: Member) -> Bounds:
         densities, weight = self._weights(axis, best)
         positive = np.array(densities) > 0
@@ -164,13 +163,13 @@ class Bank:
         while new:
             self._best(new)
             new = [self._with(axis, best, density) for axis in free for density in self._beside(axis, best)]
-        self.narrowed(best)
+        for axis in free:
+            self._narrow(axis, best)
 
-    def _narrow(self, axis: Axis, best: Member) -> Member:
-        """The most probable member along a density, with levels about it until no two that count are far apart."""
+    def _narrow(self, axis: Axis, best: Member) -> None:
+        """Evaluate levels along a density from the best member, until no two of which one counts are far apart."""
         for _ in range(HALVINGS):
             probable = {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
-            best = self._with(axis, best, max(probable, key=probable.__getitem__))
             score = np.array([value for density, value in probable.items() if density > 0])
             level = np.log([density for density in probable if density > 0])
             counts = np.maximum(score[1:], score[:-1]) > max(probable.values()) - STEEPEST
@@ -179,7 +178,6 @@ class Bank:
                 break
             middle = np.exp((level[1:] + level[:-1])[far] / 2)
             self._best([self._with(axis, best, density) for density in middle.tolist()])
-        return best
 
     def _beside(self, axis: Axis, best: Member) -> list[float]:
         """The densities beside probable ones that are not known yet."""
