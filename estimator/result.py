@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 from baryscope.estimator.details import Details
 from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding, FreeAttitudes
 from baryscope.estimator.formats.dataset import dataset
-from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.geometry.extent import rms_coordinates, rms_radius
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
 from baryscope.estimator.paths.extended_path import Factor
@@ -311,10 +311,7 @@ class Estimate:
     @cached_property
     def feature_rms(self) -> FloatArray:
         """Rms of each feature's residuals per coordinate, (m,), m, without rejected ones; NaN if none is left."""
-        used = np.isfinite(self.residuals[..., 0]) & ~self.rejected
-        squares = np.where(used, np.einsum("kmi,kmi->km", self.residuals, self.residuals), 0.0).sum(axis=0)
-        count = used.sum(axis=0)
-        return np.sqrt(np.where(count > 0, squares / np.maximum(3 * count, 1), np.nan))
+        return rms_coordinates(self.residuals, ~self.rejected)
 
     @property
     def rejected_share(self) -> float:

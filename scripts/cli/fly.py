@@ -48,8 +48,9 @@ def fly(
         Once the target's tumble is known, glide to 2 m before its first feature, and stay there as it turns. Else the
         chaser holds where it starts.
     output
-        Folder for tracks.csv, truth.csv, estimate.csv, flight.json, report.html (the scene in 3D and the estimate's
-        convergence, for a browser) and flight.png. Default: the scenario's or the system's name, followed by -flight.
+        Folder for tracks.csv, truth.csv, estimate.csv, flight.json, report.html (the scene in 3D, the estimate's
+        convergence and its residuals, for a browser) and flight.png. Default: the scenario's or the system's name,
+        followed by -flight.
     """
     show = show or Show()
     if system is not None and scenario is not None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from baryscope.report.document import Chart, Series
+from baryscope.report.gaps import gaps_of
 from baryscope.report.thinning import extremes
 
 FloatArray = NDArray[np.float64]
@@ -14,6 +15,7 @@ IntArray = NDArray[np.intp]
 
 BAND = 0.95
 TAIL = (1 - BAND) / 2
+ONLINE = 5  # colour of the online estimate
 SIGMAS = float(np.sqrt(chdtri(1, 1 - BAND)))  # of one axis
 
 
@@ -75,6 +77,24 @@ def nees_chart(series: tuple[Series, ...], about: str, **how: Any) -> Chart:
     low, high = chdtri(3, [1 - TAIL, TAIL])
     levels = ((float(low), "2.5 %"), (3.0, "3 expected"), (float(high), "97.5 %"))
     return Chart("NEES of the centre of mass", about, "eᵀ P⁻¹ e", series, log=True, levels=levels, **how)
+
+
+def convergence_chart(label: str, time: FloatArray, error: FloatArray, covariance: FloatArray, **how: Any) -> Chart:
+    """How an online estimate converges: a length (n,), m, in the band of its covariance (n, 3, 3), NaN where it waits.
+
+    label: of the length; how: other fields of `Chart`, `about` among them.
+    """
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    band = tuple(np.full(len(time), np.nan) for _ in range(2))
+    for side, expected in zip(band, expected_error(covariance[known]), strict=True):
+        side[known] = 1e3 * expected
+    claim = 1e3 * np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    gaps = gaps_of(time)
+    series = (
+        curve(label, time, 1e3 * error, band, gaps=gaps, colour=ONLINE),  # type: ignore[arg-type]
+        curve("claimed, ±1σ of three axes together", time, claim, gaps=gaps, style="dashed"),
+    )
+    return Chart("Convergence of the online estimate", y_label="mm", series=series, log=True, **how)
 
 
 def axis_errors(time: FloatArray, error: FloatArray, covariance: FloatArray | None, axes: str, **how: Any) -> Chart:

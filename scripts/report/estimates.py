@@ -1,12 +1,13 @@
 """What a report says of one estimate, with or without a truth: residuals, coverage, observability, options."""
 
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.document.document import document_of
+from baryscope.estimator.observability import Observability
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import summary, untested, verdict
 from baryscope.estimator.result import Estimate, Status
@@ -48,12 +49,34 @@ def parts_of(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> 
     parts: list[Part] = [Words("In words", (verdict_of(result)[1], *summary(result)))]
     parts += [residual_chart(result, shades), feature_sheet(result)]
     if result.observability is not None:
-        parts.append(observability_sheet(result))
+        parts.append(observability_sheet(result.observability))
     return *parts, options_of(result)
 
 
-def residual_chart(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> Chart:
-    """The lengths of residuals, those of rejected observations marked; thinned out evenly."""
+class _HasResiduals(Protocol):
+    """What `Estimate` and `MapResiduals` have: residuals (n, m, 3), m, and flags (n, m)."""
+
+    @property
+    def time(self) -> FloatArray: ...
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+    @property
+    def residuals(self) -> FloatArray: ...
+    @property
+    def used(self) -> BoolArray: ...
+    @property
+    def rejected(self) -> BoolArray: ...
+    @property
+    def feature_rms(self) -> FloatArray: ...
+
+
+FROM_ESTIMATE = "How far each observation is from where the estimate has its feature."
+
+
+def residual_chart(
+    result: _HasResiduals, shades: tuple[tuple[float, float], ...] = (), about: str = FROM_ESTIMATE
+) -> Chart:
+    """The lengths of residuals, those of rejected observations marked; thinned out evenly. about: what they are."""
     length = 1e3 * np.linalg.norm(result.residuals, axis=2)
     known = np.isfinite(length)
     series = (
@@ -66,7 +89,7 @@ def residual_chart(result: Estimate, shades: tuple[tuple[float, float], ...] = (
         words += f" {_count(lost)} of these have no residual, in frames whose attitude is not known without them."
     return Chart(
         "Residuals",
-        f"How far each observation is from where the estimate has its feature. {words}",
+        f"{about} {words}",
         "mm",
         tuple(one for one in series if len(one.x)),
         log=True,
@@ -76,7 +99,7 @@ def residual_chart(result: Estimate, shades: tuple[tuple[float, float], ...] = (
     )
 
 
-def _points(label: str, result: Estimate, length: FloatArray, flags: BoolArray, most: int) -> Series:
+def _points(label: str, result: _HasResiduals, length: FloatArray, flags: BoolArray, most: int) -> Series:
     frames, features = np.nonzero(flags)
     keep = evenly(len(frames), most)
     frames, features = frames[keep], features[keep]
@@ -90,7 +113,7 @@ def _count(flags: BoolArray) -> str:
     return f"{int(flags.sum()):,}".replace(",", " ")
 
 
-def feature_sheet(result: Estimate) -> Sheet:
+def feature_sheet(result: _HasResiduals) -> Sheet:
     """Observations, rejected ones and residuals of each feature."""
     used, rejected = result.used.sum(axis=0), result.rejected.sum(axis=0)
     rows = [
@@ -129,17 +152,15 @@ def coverage(time: FloatArray, labels: tuple[str, ...], seen: BoolArray, rejecte
     )
 
 
-def observability_sheet(result: Estimate) -> Sheet:
-    """The principal axes of the CoM's covariance in body axes and in C."""
-    found = result.observability
-    assert found is not None  # noqa: S101  the caller looks
+def observability_sheet(found: Observability, when: tuple[str, str] = ("body", "C, mean over time")) -> Sheet:
+    """The principal axes of the CoM's covariance in body axes and in C; when: what these two are called."""
     rows = [
         (where, f"({', '.join(f'{value:.2f}' for value in direction)})", millimetres(deviation), verdict_)
-        for where, axes in (("body", found.body), ("C, mean over time", found.inertial))
+        for where, axes in zip(when, (found.body, found.inertial), strict=True)
         for direction, deviation, verdict_ in zip(
             axes.directions.tolist(),
             axes.deviations.tolist(),
-            ["yes" if one else "no" for one in found.observable] if where == "body" else ["", "", ""],
+            ["yes" if one else "no" for one in found.observable] if axes is found.body else ["", "", ""],
             strict=True,
         )
     ]

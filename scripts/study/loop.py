@@ -55,6 +55,8 @@ class Loop:
         tracks: what the rig has sampled, in C by the measured attitude.
         position, covariance: (n, 3) and (n, 3, 3), the estimated CoM, m; zeros while the estimator waits.
         status: (n,), of the estimator, places in `STATUSES`.
+        attitude: (n, 4), the estimated one, a quaternion (w, x, y, z) from the axes of its map to those of C.
+        map: (m, 3), where the estimator has the features at last, from the CoM, m; NaN for those it has not.
         tumble: (n,), whether the estimator knows rate and inertia.
         chaser: (n, 3), LVLH, m.
         clearance: (n,), from the nearest feature of the target to the chaser's centre of mass, m.
@@ -75,6 +77,8 @@ class Loop:
     position: FloatArray
     covariance: FloatArray
     status: NDArray[np.intp]
+    attitude: FloatArray
+    map: FloatArray
     tumble: BoolArray
     chaser: FloatArray
     clearance: FloatArray
@@ -224,7 +228,7 @@ class _Recorder:
         self._rows: dict[str, FloatArray] = {}
         self._places = {
             "target": (*TRUTH_COLUMNS, "chaser.position"),
-            "estimator": ("target.position", "target.positionCovariance", "status", "tumble.known"),
+            "estimator": ("target.position", "target.positionCovariance", "target.attitude", "status", "tumble.known"),
             "controller": (COMMAND, "goal.synchronised", MODE),
         }
         for name, variables in self._places.items():
@@ -279,12 +283,16 @@ class _Recorder:
         table = {variable.name: variable for variable in variable_table(3) if variable.kind == Kind.OUTPUT}
         time, position, covariance = (np.array(values) for values in zip(*self._samples, strict=True))
         labels = tuple(str(k + 1) for k in range(position.shape[1]))
+        estimator = self._units["estimator"]
+        known = estimator.vector("body.known")[:, None] > 0
         return Loop(
             truth=Recording(self._time, np.hstack(truth), tuple(table[name] for name in TRUTH_COLUMNS)),
             tracks=FeatureTracks(time, position, labels, covariance),
             position=rows["estimator target.position"],
             covariance=rows["estimator target.positionCovariance"][:, FULL],
             status=rows["estimator status"][:, 0].astype(np.intp),
+            attitude=rows["estimator target.attitude"],
+            map=np.where(known, estimator.vector("body.features").reshape(-1, 3), np.nan),
             tumble=rows["estimator tumble.known"][:, 0] > 0,
             chaser=rows["target chaser.position"],
             clearance=self._clearance,

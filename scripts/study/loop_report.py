@@ -3,21 +3,29 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.geometry.alignment import FEWEST_POINTS, matrix_from_quaternion
+from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
+from baryscope.estimator.online.residuals import MapResiduals, residuals_of_map
 from baryscope.models.approach.reckoning import RETREAT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
-from baryscope.report.charts import axis_errors, curve, expected_error, nees_chart
+from baryscope.report.charts import ONLINE, axis_errors, convergence_chart, curve, nees_chart
 from baryscope.report.document import Chart, Facts, Part, Scene
-from baryscope.report.estimates import coverage
+from baryscope.report.estimates import coverage, feature_sheet, observability_sheet, residual_chart
 from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, body_points, scene_of
 from baryscope.study.loop import Loop
 from baryscope.study.loop_summary import QUANTITIES
 
-ONLINE = 5  # its colour
+FROM_MAP = (
+    "How far the points of each sample are from where the map of the estimator, as it is at last, has their features, "
+    "in the pose that fits them best: the estimator leaves the attitude of each sample free. What does not fit with a "
+    "probability of 10⁻⁴, its own test, is rejected."
+)
 VERDICTS = {
     "tracking": ("good", "At last the estimator tracks the target."),
     "doubtful": ("bad", "At last the estimator doubts its estimate."),
@@ -37,13 +45,21 @@ def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -
     marks = marks_of(loop)
     shades = blackouts(loop.tracks.time, loop.tracks.seen)
     how: dict[str, Any] = {"shades": shades, "shade": "nothing seen", "marks": marks}
-    parts: list[Part] = [scene_of_loop(loop), convergence_chart(loop, **how)]
+    residuals, observability = map_residuals(loop), observability_of(loop)
+    rejected = np.zeros_like(loop.tracks.seen) if residuals is None else residuals.rejected
+    parts: list[Part] = [scene_of_loop(loop, rejected), _convergence(loop, **how)]
     if loop.tracking.any():
         parts += [_axes(loop, **how), _nees(loop, found, **how)]
     parts += [
         _places(loop, marks),
         _commands(loop, marks),
-        coverage(loop.tracks.time, loop.tracks.labels, loop.tracks.seen),
+        coverage(loop.tracks.time, loop.tracks.labels, loop.tracks.seen, None if residuals is None else rejected),
+    ]
+    if residuals is not None:
+        parts += [residual_chart(residuals, shades, FROM_MAP), feature_sheet(residuals)]
+    if observability is not None:
+        parts.append(observability_sheet(observability, ("body, at last", "C, at last")))
+    parts += [
         Facts(
             "What came of it",
             tuple((words, _text(found[name], unit, factor)) for name, (words, unit, factor) in QUANTITIES.items()),
@@ -73,16 +89,19 @@ def marks_of(loop: Loop) -> tuple[tuple[float, str], ...]:
     return tuple((float(loop.time[np.argmax(one)]), word) for word, one in flags.items() if one.any())
 
 
-def scene_of_loop(loop: Loop) -> Scene:
-    """The true motion and the online estimate; features are where the samples, turned into body axes, have them."""
+def scene_of_loop(loop: Loop, rejected: NDArray[np.bool_]) -> Scene:
+    """The true motion and the online estimate; features are where the samples, turned into body axes, have them.
+
+    rejected (n, m): which observations of the samples are.
+    """
     place = np.clip(np.searchsorted(loop.tracks.time, loop.time + 1e-9) - 1, 0, None)
     fresh = np.abs(loop.tracks.time[place] - loop.time) < 1e-6
     R = matrix_from_quaternion(loop.truth["target.attitude"])
     path, tracks = loop.truth["target.position"], loop.tracks
     seen = tracks.seen[place]
     sampled = np.where((fresh[:, None] & seen)[..., None], tracks.position[place], np.nan)
-    nothing = np.zeros_like(seen)
-    body = Body(loop.time, path, "true centre of mass", R, tracks.labels, sampled, seen, nothing)
+    left_out = rejected[place]
+    body = Body(loop.time, path, "true centre of mass", R, tracks.labels, sampled, seen, left_out)
     points = body_points(body)
     features = path[:, None] + np.einsum("kij,mj->kmi", R, points)
     waits = (loop.status == 0)[:, None]
@@ -92,23 +111,35 @@ def scene_of_loop(loop: Loop) -> Scene:
         np.where(waits, np.nan, loop.position),
         np.where(waits[..., None], np.nan, loop.covariance),
     )
-    whole = Body(loop.time, path, "true centre of mass", R, tracks.labels, features, seen, nothing)
+    whole = Body(loop.time, path, "true centre of mass", R, tracks.labels, features, seen, left_out)
     return scene_of(
         whole, (online,), loop.orbit, "True motion; features are the mean of what the rig has seen of them."
     )
 
 
-def convergence_chart(loop: Loop, **how: Any) -> Chart:
+def _convergence(loop: Loop, **how: Any) -> Chart:
     """Error and claim of the online estimate."""
-    low, high = expected_error(loop.covariance)
-    waits = loop.status == 0
-    band = (1e3 * np.where(waits, np.nan, low), 1e3 * np.where(waits, np.nan, high))
-    series = (
-        curve("error of the centre of mass", loop.time, 1e3 * loop.error, band, colour=ONLINE),
-        curve("claimed, ±1σ of three axes together", loop.time, 1e3 * loop.deviation, style="dashed"),
-    )
+    covariance = np.where((loop.status == 0)[:, None, None], np.nan, loop.covariance)
     about = "The error of the online estimate; the band is where 95 % of the errors should be by its covariance."
-    return Chart("Convergence of the online estimate", about, "mm", series, log=True, **how)
+    return convergence_chart("error of the centre of mass", loop.time, loop.error, covariance, about=about, **how)
+
+
+def map_residuals(loop: Loop) -> MapResiduals | None:
+    """How the rig's samples are off the map that the estimator has at last; None if it has none."""
+    tracks = loop.tracks
+    assert tracks.covariance is not None  # noqa: S101  a rig tells them
+    if np.isfinite(loop.map).all(axis=1).sum() < FEWEST_POINTS:
+        return None
+    return residuals_of_map(tracks.time, tracks.labels, tracks.position, tracks.covariance, loop.map)
+
+
+def observability_of(loop: Loop) -> Observability | None:
+    """The principal axes of the covariance at last, in the axes of the map and in C; None while the estimator waits."""
+    known = loop.map[np.isfinite(loop.map).all(axis=1)]
+    if loop.status[-1] == 0 or len(known) < FEWEST_POINTS:
+        return None
+    R, P = matrix_from_quaternion(loop.attitude[-1:])[0], loop.covariance[-1]
+    return Observability(PrincipalAxes.of(R.T @ P @ R), PrincipalAxes.of(P), 0, UNOBSERVABLE * rms_radius(known))
 
 
 def _axes(loop: Loop, **how: Any) -> Chart:

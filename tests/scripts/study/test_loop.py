@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.fmu.system import build_system
 from baryscope.models.approach.reckoning import RECKONING, RETREAT
 from baryscope.models.errors import InputError
+from baryscope.models.scenario.tables import Outliers
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report.document import data_of
 from baryscope.scripts.cli import fly
@@ -19,7 +21,7 @@ from baryscope.scripts.cli.fly import _words
 from baryscope.study import report_of_loop
 from baryscope.study.loop import MOST_STEPS, fly_loop, inside_hull
 from baryscope.study.loop_files import loop_paths, write_loop
-from baryscope.study.loop_report import marks_of
+from baryscope.study.loop_report import map_residuals, marks_of, observability_of
 from baryscope.study.loop_summary import QUANTITIES, summary_of
 from systems import rewritten
 
@@ -203,6 +205,70 @@ def test_the_report_shows_the_flight(held, envisat):
         [found["tumble_known_since"], "tumble known"],
     ]
     assert "LVLH axes" in parts["Error along each axis"]["about"]
+
+
+@pytest.fixture(scope="module")
+def blundering(envisat, tmp_path_factory):
+    """A hold on a rig of which one point in thirty is a metre or so off."""
+    sensor = envisat.sensor.model_copy(update={"outliers": Outliers(share=1 / 30, size=3.0)})
+    path = tmp_path_factory.mktemp("loop") / "blundering.ssp"
+    return fly_loop(build_system(envisat.model_copy(update={"sensor": sensor}), path), duration=300.0)
+
+
+def test_the_report_has_residuals_and_what_is_rejected_by_feature(blundering, envisat):
+    """The report of a flight had neither; the truth tells which points of the rig are off."""
+    loop, body = blundering, np.array([point.position for point in envisat.features.points])
+    R = Rotation.from_quat(loop.truth["target.attitude"], scalar_first=True).as_matrix()
+    tracks = loop.tracks
+    rows = np.searchsorted(loop.time, tracks.time[1:])  # sample k is of time k, the first of the flight's start
+    true = loop.truth["target.position"][rows, None] + np.einsum("kij,mj->kmi", R[rows], body)
+    error = (tracks.position[1:] - true)[..., None]
+    weight = np.linalg.inv(np.where(tracks.seen[1:, :, None, None], tracks.covariance[1:], np.eye(3)))
+    squares = (np.swapaxes(error, 2, 3) @ weight @ error)[..., 0, 0]
+    found = map_residuals(loop)
+    rejected, used = found.rejected[1:], found.used[1:]
+    far, near = used & (squares > 100), used & (squares < 12)  # of the gate at 21; the pose takes a part
+    assert far.sum() > 50
+    assert rejected[far].mean() > 0.97
+    assert rejected[near].mean() < 0.01
+    # Of the points that fit, squares are χ² of three for each, less six for each sample: in five σ.
+    fits = used & ~rejected
+    residual = np.where(fits[..., None], found.residuals[1:], 0.0)[..., None]
+    sum_of_squares = float((np.swapaxes(residual, 2, 3) @ weight @ residual).sum())
+    degrees = 3 * fits.sum() - 6 * fits.any(axis=1).sum()
+    assert sum_of_squares == pytest.approx(degrees, abs=5 * np.sqrt(2 * degrees))
+    parts = {part["title"]: part for part in data_of(report_of_loop(loop, summary_of(loop), {}))["parts"]}
+    labels = [one["label"].split(",")[0] for one in parts["Residuals"]["series"]]
+    assert labels == ["used", "rejected"]
+    assert parts["Residuals"]["filter"] == list(tracks.labels)
+    rows_ = parts["Features"]["rows"]
+    assert [int(row[2]) for row in rows_] == found.rejected.sum(axis=0).tolist()
+    assert any(set(row) - {"0"} for row in parts["Which feature is seen when"]["rejected"])
+    assert any("2" in state for state in parts["Scene"]["state"])
+
+
+def test_the_report_has_the_observability_of_the_estimate(held):
+    """Principal axes of what it claims at last; along the axis of the target's spin it knows least."""
+    parts = {part["title"]: part for part in data_of(report_of_loop(held, summary_of(held), {}))["parts"]}
+    rows = parts["Observability"]["rows"]
+    assert [row[0] for row in rows] == 3 * ["body, at last"] + 3 * ["C, at last"]
+    deviations = np.sqrt(np.linalg.eigvalsh(held.covariance[-1]))
+    np.testing.assert_allclose([float(row[2]) for row in rows], 2 * (1e3 * deviations).tolist(), rtol=0.01)
+    # Axes of the body and of C are those of one covariance, which the estimated attitude turns.
+    R = Rotation.from_quat(held.attitude[-1], scalar_first=True).as_matrix()
+    found = observability_of(held)
+    along = np.abs(np.einsum("ki,ki->k", found.body.directions @ R.T, found.inertial.directions))
+    np.testing.assert_allclose(along, 1.0, atol=1e-6)
+    # The attitude is that of the axes of C at the first sample: from there the body has turned as it truly has.
+    turn = [Rotation.from_quat(held.truth["target.attitude"][k], scalar_first=True) for k in (0, -1)]
+    assert (Rotation.from_matrix(R) * (turn[1] * turn[0].inv()).inv()).magnitude() < 0.05
+    assert observability_of(replace(held, status=0 * held.status)) is None
+
+
+def test_the_report_of_a_flight_that_knows_nothing_has_no_residuals(held):
+    loop = replace(held, map=np.full_like(held.map, np.nan), status=0 * held.status)
+    titles = [part["title"] for part in data_of(report_of_loop(loop, summary_of(loop), {}))["parts"]]
+    assert not {"Residuals", "Features", "Observability"} & set(titles)
 
 
 def test_the_report_tells_what_came_of_it_in_words(held):
