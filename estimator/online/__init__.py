@@ -1,6 +1,7 @@
 """The online estimator: a Kalman filter in C (fmu/csrc/online/) that takes frame after frame, and Python's way to it.
 
-`OnlineEstimator` is what users call; `core` compiles the C once and loads it.
+`OnlineEstimator` is what users call; `core` compiles the C once and loads it. `course` has what it tells of tracks that
+are there already, `residuals` how a unit's samples are off its map.
 """
 
 from baryscope.estimator.online.estimator import (

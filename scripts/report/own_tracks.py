@@ -4,13 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import TumbleDetails
+from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Estimate
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 from baryscope.report.document import Part, Report
 from baryscope.report.estimates import coverage, deviation_chart, parts_of, path_chart, verdict_of
 from baryscope.report.gaps import blackouts
+from baryscope.report.online import course_chart, online_course
 from baryscope.report.scene import Body, Shown, scene_of
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +42,13 @@ def report_of_estimate(
         parts.append(deviations)
     if predicted is not None:
         parts.append(predicted)
+    course = online_course(tracks, orbit, _sigma(result), _thrust(result))
+    if not isinstance(course, str):
+        about = (
+            f"How far what the online estimator knows after each frame, of the frames so far, is from the path by "
+            f"{result.method}, which sees all; the band is where 95 % of its errors should be by its covariance."
+        )
+        parts.append(course_chart(course, result.position, f"the path by {result.method}", about=about, **shaded))
     rejected = in_tracks(result.rejected, result.labels, tracks)
     parts.append(coverage(tracks.time, tracks.labels, tracks.seen, rejected))
     return Report(
@@ -49,7 +59,18 @@ def report_of_estimate(
         result.version,
         (*parts, *parts_of(result, shades)),
         verdict_of(result),
+        notes=(f"There is no online estimate: {course}.",) if isinstance(course, str) else (),
     )
+
+
+def _sigma(result: Estimate) -> float:
+    """The deviation of a coordinate in m that the online estimator is told; of no account beside covariances."""
+    noise = result.noise
+    return noise.a_posteriori if noise.a_priori is None else noise.a_priori
+
+
+def _thrust(result: Estimate) -> KnownAcceleration | None:
+    return result.options.acceleration if isinstance(result.options, PathOptions) else None
 
 
 def scene_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | None) -> Part:

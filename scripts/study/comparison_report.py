@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from baryscope import __version__
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.online.course import OnlineCourse
+from baryscope.fmu.units.estimator import STEREO_SIGMA
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
@@ -12,6 +14,7 @@ from baryscope.report.charts import axis_errors, curve, expected_error, nees_cha
 from baryscope.report.document import Chart, Facts, Part, Scene, Series, Sheet, Tabs, Words
 from baryscope.report.estimates import coverage, parts_of
 from baryscope.report.gaps import blackouts
+from baryscope.report.online import course_chart, online_course
 from baryscope.report.own_tracks import in_tracks
 from baryscope.report.scene import Body, Shown, scene_of
 from baryscope.study.comparison import Comparison, Outcome
@@ -19,6 +22,10 @@ from baryscope.study.flight import Flight
 from baryscope.study.methods import COLOURS
 
 LEAST = 1e-6  # mm
+ONLINE = (
+    "What the online estimator knows after each frame, of the frames so far: its error, and where 95 % of the errors "
+    "should be by its covariance. It is told orbit and noise, as the methods above are, which see all frames."
+)
 
 
 def report_of_comparison(comparison: Comparison) -> Report:
@@ -35,6 +42,11 @@ def report_of_comparison(comparison: Comparison) -> Report:
     nees = _nees(comparison)
     if nees is not None:
         parts.append(nees)
+    course = online_course(tracks, scenario.orbit.of_simulation(), scenario.sensor.noise or STEREO_SIGMA)
+    if not isinstance(course, str):
+        parts.append(
+            course_chart(course, flight.true_path, "the truth", about=ONLINE, shades=shades, shade="nothing seen")
+        )
     parts.append(coverage(tracks.time, tracks.labels, tracks.seen))
     choices = tuple((outcome.label, _parts_of(outcome, flight, shades)) for outcome in comparison.outcomes)
     first = next((k for k, one in enumerate(comparison.outcomes) if one.predicted_rmse is not None), 0)
@@ -46,8 +58,13 @@ def report_of_comparison(comparison: Comparison) -> Report:
         f"{scenario.run.seed}",
         __version__,
         tuple(parts),
-        notes=(f"There is no Cramér–Rao bound: {comparison.no_bound}.",) if comparison.no_bound else (),
+        notes=_missing(comparison.no_bound, course),
     )
+
+
+def _missing(no_bound: str, course: OnlineCourse | str) -> tuple[str, ...]:
+    bound = (f"There is no Cramér–Rao bound: {no_bound}.",) if no_bound else ()
+    return (*bound, f"There is no online estimate: {course}.") if isinstance(course, str) else bound
 
 
 def _reading(comparison: Comparison) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator import FeatureTracks
 from baryscope.estimator.online import OnlineEstimator, OnlineState
-from baryscope.estimator.online.core import MOST_FEATURES
+from baryscope.estimator.online.course import mean_pushes, seen_at_once
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.information import Watched, unknowns_bound
@@ -58,7 +58,7 @@ class Flight:
     def states(self) -> Iterator[OnlineState]:
         """The state after each frame, by a new filter, which sees the first of the features if it can't hold all."""
         tracks = self.tracks
-        seen = tracks.seen & (np.cumsum(tracks.seen, axis=1) <= MOST_FEATURES)
+        seen = seen_at_once(tracks.position)
         pushes = self.pushes()
         filter = OnlineEstimator(self.sigma, self.orbit, attitude_noise=self.attitude_noise)
         for k, time in enumerate(tracks.time):
@@ -67,15 +67,8 @@ class Flight:
 
     def pushes(self) -> FloatArray:
         """The mean acceleration (n, 3) of the chaser in C since the frame before, m/s², as it is logged."""
-        time, log, found = self.tracks.time, self.thrust, np.zeros((len(self.tracks.time), 3))
-        if log is None:
-            return found
-        gained = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(log.time)[:, None] * log.value[:-1], axis=0)])
-        row = np.maximum(log.held_at(time), 0)
-        speed = gained[row] + np.maximum(time - log.time[row], 0.0)[:, None] * log.value[row]
-        R_C_D = log.axes_at((time[1:] + time[:-1]) / 2, self.orbit)
-        found[1:] = np.einsum("nij,nj->ni", R_C_D, np.diff(speed, axis=0) / np.diff(time)[:, None])
-        return found
+        time, log = self.tracks.time, self.thrust
+        return np.zeros((len(time), 3)) if log is None else mean_pushes(log, time, self.orbit)
 
     def causal_bound(self, k: int, tumble: bool) -> float:
         """The bound of the error of the path at frame k from the frames up to it, m; tumble: a free one, else any."""

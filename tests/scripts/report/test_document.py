@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.estimator.details import TumbleDetails
-from baryscope.report import html_of, report_of_estimate
+from baryscope.estimator.online import OnlineEstimator
+from baryscope.report import html_of, online, report_of_estimate
 from baryscope.report.charts import expected_error, nees_of
 from baryscope.report.document import data_of, plain
 from baryscope.report.estimates import millimetres, residual_chart
@@ -72,6 +73,27 @@ def test_own_tracks_tell_what_was_rejected_and_when(hostile):
     assert len(bins[4]) >= 3
     assert [state[4] for state in parts["scene"]["state"][19:24]] == ["1", "2", "2", "2", "1"]
     assert data_of(hostile)["verdict"][0] == "good"
+
+
+def test_own_tracks_have_the_online_estimate_beside_that_of_all_frames(monkeypatch):
+    """Their report told nothing of it: with no truth there, how far it is from the path that all frames tell."""
+    time = np.arange(200.0)
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    com = np.array([8.0, -18.0, 6.0]) + 0.01 * time[:, None]
+    tracks = make_case(time, R, com, box_features(5, (2, 2, 3), 1), noise=0.005).tracks
+    result = estimate(tracks)
+    parts = {part["title"]: part for part in data_of(report_of_estimate(result, tracks, None, "mine"))["parts"]}
+    distance, claim = parts["Convergence of the online estimate"]["series"]
+    assert distance["label"] == "distance from the path by pivot"
+    last = OnlineEstimator(result.noise.a_posteriori)
+    for moment, points in zip(time.tolist(), tracks.position, strict=True):
+        state = last.update(moment, points)
+    assert distance["y"][-1] == pytest.approx(1e3 * np.linalg.norm(state.position - result.position[-1]), rel=1e-3)
+    assert claim["y"][-1] < 0.1 * claim["y"][20]  # it converges
+    monkeypatch.setattr(online, "MOST_FRAMES", 199)
+    data = data_of(report_of_estimate(result, tracks, None, "mine"))
+    assert "Convergence of the online estimate" not in [part["title"] for part in data["parts"]]
+    assert data["notes"] == ["There is no online estimate: 200 frames are more than the 199 that a report has it for."]
 
 
 def test_rejected_observations_without_a_residual_are_counted():

@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import METHODS, FeatureTracks, read_tracks
 from baryscope.estimator.bound import cramer_rao_bound
-from baryscope.models.errors import InputError
+from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import Scenario, load_orbit
+from baryscope.report import online
 from baryscope.report.document import data_of
 from baryscope.study import (
     Grid,
@@ -174,6 +176,31 @@ def test_the_report_shows_the_errors_and_the_truth(comparison):
     assert parts["sheet"]["rows"] == [list(row) for row in comparison.table().rows]
     assert "`" not in json.dumps(data)  # the page shows texts as they are
     assert [name for name, _ in parts["tabs"]["choices"]] == [one.label for one in comparison.outcomes]
+
+
+def test_the_report_shows_how_the_online_estimate_converges(comparison, monkeypatch):
+    """Against the filter itself, on the same tracks; the report had the batch methods alone."""
+    parts = {part["title"]: part for part in data_of(report_of_comparison(comparison))["parts"]}
+    chart, flight = parts["Convergence of the online estimate"], comparison.flight
+    error, claim = chart["series"]
+    filter = OnlineEstimator(flight.scenario.sensor.noise, flight.scenario.orbit)
+    states = [filter.update(float(t), p) for t, p in zip(flight.tracks.time, flight.tracks.position, strict=True)]
+    shown = np.array(error["y"], dtype=float)
+    true = [np.linalg.norm(one.position - path) for one, path in zip(states, flight.true_path, strict=True)]
+    np.testing.assert_array_equal(np.isnan(shown), [one.status is OnlineStatus.WAITING for one in states])
+    known = np.isfinite(shown)
+    np.testing.assert_allclose(shown[known], 1e3 * np.array(true)[known], rtol=1e-4)
+    deviations = [np.sqrt(np.trace(one.covariance[:3, :3])) for one in states]
+    np.testing.assert_allclose(np.array(claim["y"], dtype=float)[known], 1e3 * np.array(deviations)[known], rtol=1e-4)
+    assert (np.array(error["low"], dtype=float) < np.array(error["high"], dtype=float))[known].all()
+
+    def refuse(*_, **__):
+        raise ComputationError("no C compiler found")
+
+    monkeypatch.setattr(online, "OnlineEstimator", refuse)
+    data = data_of(report_of_comparison(comparison))
+    assert "Convergence of the online estimate" not in [part["title"] for part in data["parts"]]
+    assert data["notes"] == ["There is no online estimate: no C compiler found."]
 
 
 def test_progress_has_a_beginning_and_an_end_for_each_piece_of_work(comparison, told):
