@@ -40,6 +40,14 @@ class EstimatedOrbitPath(ForcedPath):
         """The elements for unknowns x (p,) of a path that begins with these."""
         return self.elements.moved(x[self.own] / self._displacement)
 
+    def found(self, x: FloatArray) -> Orbit:
+        """The orbit for unknowns x (p,) of a path that begins with these.
+
+        Raises:
+            InputError: it is none.
+        """
+        return self.moved(x).orbit((self.begin + self.end) / 2, EARTH_MU)
+
     def finding(self, x: FloatArray, of_x: FloatArray) -> EstimatedOrbit:
         """The orbit, for unknowns x (p,) with their covariance (p, p)."""
         found = self.moved(x)

@@ -14,6 +14,7 @@ from baryscope.report.document import Part, Report
 from baryscope.report.estimates import coverage, deviation_chart, parts_of, path_chart, verdict_of
 from baryscope.report.gaps import blackouts
 from baryscope.report.online import course_chart, online_course
+from baryscope.report.orbits import UP_TO_A_TURN, found_orbit
 from baryscope.report.scene import Body, Shown, scene_of
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +31,7 @@ def report_of_estimate(
     Args:
         result: the estimate, of these tracks.
         tracks: what it was made from, in C.
-        orbit: of the target, if it is known; the scene then has LVLH axes.
+        orbit: of the target, if it is known; the scene then has LVLH axes, as where the tracks tell the orbit.
         name: of the tracks, for the title.
         predicted: what is shown of a prediction, as by `prediction_chart`.
     """
@@ -89,7 +90,8 @@ def scene_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | No
     )
     shown = (Shown(result.method, COLOUR, result.position, result.covariance),)
     about = "Features where they were measured, and hollow where the estimate has those that are not seen."
-    return scene_of(body, shown, orbit, about)
+    told = found_orbit(result) if orbit is None else None
+    return scene_of(body, shown, told or orbit, f"{about} {UP_TO_A_TURN}" if told else about)
 
 
 def in_tracks(flags: BoolArray, labels: tuple[str, ...], tracks: FeatureTracks) -> BoolArray:
