@@ -47,7 +47,16 @@ typedef struct {
     Trend trend;
     double squares, freedom, sightings;
     double manoeuvred, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
+    double rate[3], of_rate; /* angular, in C, and its variance over all axes; zeros where the target may have turned by a radian since */
 } Path;
+
+/* The angular rate as it is known now: that of the last two nodes, which may change by its square. */
+static void known_rate(const Online *filter, Path *path) {
+    const double since = filter->time - filter->turned, square = dot(filter->rate, filter->rate);
+    const int known = square * since * since < 1.0;
+    for (int k = 0; k < 3; k++) path->rate[k] = known ? filter->rate[k] : 0.0;
+    path->of_rate = known ? filter->of_rate + square * square * since * since : 0.0;
+}
 
 /* The path as it is known now; 0 where that is not to be trusted. */
 static int known_path(const Online *filter, Path *path) {
@@ -69,6 +78,7 @@ static int known_path(const Online *filter, Path *path) {
         path->thrust[a] = filter->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) path->of_thrust[a][b] = filter->of_thrust[a][b];
     }
+    known_rate(filter, path);
     return worth_of(filter, &posterior, P) == TRACKING;
 }
 
@@ -99,6 +109,8 @@ static void resume_path(Online *filter, const Path *path) {
         filter->thrust[a] = path->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = path->of_thrust[a][b];
     }
+    for (int k = 0; k < 3; k++) filter->rate[k] = path->rate[k];
+    filter->of_rate = path->of_rate;
     filter->stored_count = -1.0;
 }
 

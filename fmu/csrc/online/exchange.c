@@ -24,12 +24,15 @@ static int is_far(const Online *filter, const PredictedAttitude *predicted, cons
     return pose->apart * pose->apart > GATE * (attitude_variance(filter, pose) + predicted->variance);
 }
 
+/* Whether an attitude is predicted well enough to tell a large turn from none. */
+static int is_foreseen(const PredictedAttitude *predicted) { return GATE * predicted->variance < LARGE * LARGE; }
+
 /* The pose of a frame of which all points fit if two have exchanged their names, nearest to the predicted attitude; 0 if there
    is none that is not far from it. */
 static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int found = 0, first = 0, second = 0;
     double least = INFINITY;
-    if (known_in(frame) == 3 && !(GATE * predicted->variance < LARGE * LARGE)) return 0; /* most triangles fit some such attitude */
+    if (known_in(frame) == 3 && !is_foreseen(predicted)) return 0; /* most triangles fit some such attitude */
     for (int i = 0; i < frame->count; i++)
         for (int j = i + 1; j < frame->count; j++) {
             if (frame->slot[i] < 0 || frame->slot[j] < 0) continue;
@@ -46,6 +49,35 @@ static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude
     const int fits = fits_as_a_whole(filter, frame, predicted, pose);
     set_apart(predicted, pose);
     return fits;
+}
+
+/* How badly a pose fits its points and the predicted attitude, as a chi-square. */
+static double badness(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
+    return pose->squares + pose->apart * pose->apart / (attitude_variance(filter, pose) + predicted->variance);
+}
+
+/* Whether three points, which fit a pose, fit another one about as well if two have exchanged their names: of a triangle with
+   two sides alike, half a turn; and neither a prediction nor, where there is none, a small turn tells which. Their weights and
+   marks are as of the pose afterwards. */
+static int is_ambiguous(const Online *filter, Frame *frame, const PredictedAttitude *predicted, const Pose *pose) {
+    int known[MOST_FEATURES], n = 0, found = 0;
+    for (int i = 0; i < frame->count; i++)
+        if (frame->slot[i] >= 0) known[n++] = i;
+    if (n != 3 || is_foreseen(predicted) || (!isfinite(predicted->variance) && pose->apart < LARGE)) return 0;
+    for (int k = 0; k < 3; k++) {
+        Pose other;
+        const int one = known[k], two = known[(k + 1) % 3];
+        exchange(frame, one, two);
+        if (from_triple(filter, frame, known, &other)) {
+            set_apart(predicted, &other);
+            found = found || badness(filter, predicted, &other) < badness(filter, predicted, pose) + GATE;
+        }
+        exchange(frame, one, two);
+    }
+    weigh_all(frame, pose->R);
+    find_squares(filter, frame, pose);
+    sorted_out(frame, INFINITY);
+    return found;
 }
 
 /* Points that do not fit the pose, but each other's places, have exchanged their names. */

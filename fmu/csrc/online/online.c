@@ -102,8 +102,9 @@ static int is_expected(Online *filter, Frame *frame, const PredictedAttitude *pr
     Pose other = {.count = 0};
     int fits = registered(filter, frame, predicted, pose), far = fits && is_far(filter, predicted, pose);
     double angle = fits ? pose->apart : INFINITY;
-    last_rate(filter, rate, &of_rate, &turned); /* if one is known, any attitude may come where none is predicted */
-    if (fits && !far && (isfinite(predicted->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, predicted, pose);
+    last_rate(filter, rate, &of_rate, &turned);
+    const int any = !isfinite(predicted->variance) && dot(rate, rate) > 0.0; /* attitude may come: it turns too far for a prediction */
+    if (fits && !far && (any || isfinite(predicted->variance) || angle < LARGE)) exchange_misfits(filter, frame, predicted, pose);
     else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, predicted, &other) &&
              (far || other.apart < 0.5 * angle))
         *pose = other, fits = 1;
@@ -111,6 +112,7 @@ static int is_expected(Online *filter, Frame *frame, const PredictedAttitude *pr
         weigh_all(frame, predicted->R);
         fits = registered(filter, frame, predicted, pose);
     }
+    if (fits && !any && is_ambiguous(filter, frame, predicted, pose)) return 0;
     return fits && !is_surprising(filter, predicted, pose);
 }
 
