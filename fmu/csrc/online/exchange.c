@@ -57,13 +57,15 @@ static double badness(const Online *filter, const PredictedAttitude *predicted, 
 }
 
 /* Whether three points, which fit a pose, fit another one about as well if two have exchanged their names: of a triangle with
-   two sides alike, half a turn; and neither a prediction nor, where there is none, a small turn tells which. Their weights and
-   marks are as of the pose afterwards. */
+   two sides alike, half a turn; and neither a prediction nor, where there is none, a small turn tells which. An attitude that noise
+   alone may turn so tells little anyway. Weights and marks are as of the pose afterwards. */
 static int is_ambiguous(const Online *filter, Frame *frame, const PredictedAttitude *predicted, const Pose *pose) {
     int known[MOST_FEATURES], n = 0, found = 0;
     for (int i = 0; i < frame->count; i++)
         if (frame->slot[i] >= 0) known[n++] = i;
-    if (n != 3 || is_foreseen(predicted) || (!isfinite(predicted->variance) && pose->apart < LARGE)) return 0;
+    const PredictedAttitude shown = {.variance = attitude_variance(filter, pose)};
+    if (n != 3 || is_foreseen(predicted) || !is_foreseen(&shown)) return 0;
+    if (!isfinite(predicted->variance) && pose->apart < LARGE) return 0;
     for (int k = 0; k < 3; k++) {
         Pose other;
         const int one = known[k], two = known[(k + 1) % 3];
