@@ -4,13 +4,7 @@
 are there already, `residuals` how a unit's samples are off its map.
 """
 
-from baryscope.estimator.online.estimator import (
-    OnlineEstimator,
-    OnlineFeatures,
-    OnlineState,
-    OnlineStatus,
-    OnlineTumble,
-    Thrust,
-)
+from baryscope.estimator.online.answers import OnlineFeatures, OnlineState, OnlineStatus, OnlineTumble
+from baryscope.estimator.online.estimator import OnlineEstimator, Thrust
 
 __all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus", "OnlineTumble", "Thrust"]

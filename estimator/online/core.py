@@ -106,7 +106,7 @@ class State(ctypes.Structure):
     """`OnlineState` of online.h."""
 
     _fields_ = (
-        *((name, _double) for name in ("time", "status", "features", "density", "noise_ratio", "lasting")),
+        *((name, _double) for name in ("time", "status", "features", "density", "noise_ratio", "lasting", "maps")),
         ("r", _double * 3),
         ("v", _double * 3),
         ("R", _double * 9),

@@ -4,28 +4,31 @@ import ctypes
 import struct
 import zlib
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FARTHEST_UNDER_J2, FINEST, LATEST
 from baryscope.estimator.online import core
+from baryscope.estimator.online.answers import FloatArray, OnlineFeatures, OnlineState, OnlineStatus, OnlineTumble
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
-from baryscope.models.arguments import array_of, number_within
+from baryscope.estimator.online.given import (
+    covariances_of,
+    flags,
+    rotation_of,
+    rows,
+    seconds,
+    whole_number,
+    whole_numbers,
+)
+from baryscope.models.arguments import array_of, instance_of, number_within
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
-from baryscope.models.words import brief
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-
-SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
 STRONGEST = 1e9  # m/s², absolute value of an acceleration's coordinate
 LONGEST_GAP = 86400.0  # s, a day
-ORTHONORMAL = 1e-6  # what the product of an attitude's matrix with its transpose may differ from the unit matrix by
 CAMERA = (ctypes.c_double * 9)(1, 0, 0, 0, 1, 0, 0, 0, 1)  # the axes of thrusters that are fixed in C
 NO_THRUST = core.Thrust((ctypes.c_double * 3)(), CAMERA)
 MAGIC = b"baryscope online\n"
@@ -34,7 +37,8 @@ REFUSED = {
     Result.BAD_TIME: "time: found {time!r} s, expected a time after that of the last frame",
     Result.BAD_COVARIANCE: f"covariance: found one that is not symmetric positive definite, or beyond {COARSEST:g} m",
     Result.BAD_NAME: "names: found the same twice, expected each feature once",
-    Result.TOO_LATE: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last one",
+    Result.TOO_LATE: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last one; "
+    "after so long a gap begin with a new filter",
     Result.TOO_FAR: f"time: found {{time!r}} s, expected one within {FARTHEST_UNDER_J2:g} s of the last frame, the "
     "first one of time 0 of the orbit: farther J2 is not followed",
 }
@@ -46,89 +50,21 @@ class Thrust:
 
     acceleration: (3,) of the chaser in C, m/s²; attitude: (3, 3), R_C_D, of the axes D in which the thrusters are
     fixed and turn with the chaser, so that their misalignment is constant there; None: those of C.
+
+    Raises:
+        InputError: a shape or a value is not as above.
     """
 
     acceleration: ArrayLike
     attitude: ArrayLike | None = None
 
-
-class OnlineStatus(StrEnum):
-    """What the state is worth."""
-
-    WAITING = "waiting"
-    """No frame yet with three features that are not in a line."""
-    STARTING = "starting"
-    """The position of the centre of mass is less certain than the features are far from each other, or what
-    only the noise of the attitudes seemed to show is as much as what is known of it along some axis, or
-    fewer than six nodes were taken: they have few more values than unknowns."""
-    TRACKING = "tracking"
-    DOUBTFUL = "doubtful"
-    """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path
-    needs more process noise than the filter has, or, without an orbit, bends steadily."""
-    LOST = "lost"
-    """The last frame did not fit the map of the features; after ten of those, or three with hardly a feature that is in
-    it, the filter begins with another map, and goes on with the path if that was known."""
-
-
-@dataclass(frozen=True, eq=False)
-class OnlineState:
-    """The centre of mass at a time.
-
-    time in s; position (3,) in C, m; velocity (3,) in C, m/s; covariance (6, 6) of both, in m and m/s; attitude (3, 3),
-    R_C_B in axes B that are those of C in the first frame, NaN at times without a frame that fits; status; density:
-    estimated, of white acceleration, m²/s³; noise_ratio: mean square of the residuals over that of the told noise;
-    lasting: how many frames have the same errors of the features, 1 + 2 Σ ρ; the covariance allows for it;
-    thrust (4,): what the thrusters are wrong by, a scale s, and a rotation vector m in their axes, rad: an acceleration
-    that is told is (1 + s) exp([m]×) times that; thrust_covariance (4, 4). Zeros before the first push, and if
-    thrust_std is 0. execution: what each push is wrong by besides, of its
-    own (Gates 1963): the rms of what is likely, in each direction, as a part of the push; 0 without an orbit, before
-    the first push, and if thrust_std is 0.
-    """
-
-    time: float
-    position: FloatArray
-    velocity: FloatArray
-    covariance: FloatArray
-    attitude: FloatArray
-    status: OnlineStatus
-    density: float
-    noise_ratio: float
-    lasting: float
-    thrust: FloatArray
-    thrust_covariance: FloatArray
-    execution: float
-
-    __repr__ = brief
-
-
-@dataclass(frozen=True, eq=False)
-class OnlineFeatures:
-    """The map: names (m,), positions (m, 3) in B from the centre of mass, m, and their covariances (m, 3, 3)."""
-
-    names: NDArray[np.int64]
-    position: FloatArray
-    covariance: FloatArray
-
-    __repr__ = brief
-
-
-@dataclass(frozen=True, eq=False)
-class OnlineTumble:
-    """A free tumble at a time.
-
-    attitude (3, 3), R_C_B, with the covariance (3, 3) of its rotation vector in C, rad²; rate (3,) in B, rad/s, with
-    its covariance; inertia (3, 3) in B over its trace, with the covariance (5, 5) of its coefficients of
-    `baryscope.models.attitude.INERTIA_BASIS`. B is attached to the map of the features.
-    """
-
-    attitude: FloatArray
-    attitude_covariance: FloatArray
-    rate: FloatArray
-    rate_covariance: FloatArray
-    inertia: FloatArray
-    inertia_covariance: FloatArray
-
-    __repr__ = brief
+    def __post_init__(self) -> None:
+        push = array_of("acceleration", self.acceleration, (3,)).copy()
+        if not (np.abs(push) <= STRONGEST).all():
+            raise InputError(f"acceleration: found {push.tolist()}, expected three numbers within {STRONGEST:g} m/s²")
+        object.__setattr__(self, "acceleration", push)
+        if self.attitude is not None:
+            object.__setattr__(self, "attitude", rotation_of("attitude of the thrust", self.attitude))
 
 
 class OnlineEstimator:
@@ -146,7 +82,7 @@ class OnlineEstimator:
         thrust_std: of what the chaser's thrusters are wrong by, of their scale, and of their direction, rad about each
             axis. It is estimated; 0: told accelerations are exact.
         longest_gap: from one frame to the next, s. A later frame is refused: after one whose time stamp is wrong all
-            others would be too early.
+            others would be too early. After a gap that was so long begin with a new filter.
 
     Raises:
         InputError: a value is out of range.
@@ -164,6 +100,8 @@ class OnlineEstimator:
         thrust_std: float = core.THRUST,
         longest_gap: float = LONGEST_GAP,
     ) -> None:
+        if orbit is not None:
+            instance_of("orbit", orbit, Orbit, "as of load_orbit")
         settings = Options(
             _within("sigma", sigma, FINEST, COARSEST, "m"),
             _within("offset_radii", offset_radii, 0.1, 1e3, "radii"),
@@ -192,7 +130,7 @@ class OnlineEstimator:
 
         Args:
             time: in s, after that of the last frame, by `longest_gap` at most.
-            points: (m, 3), where features are in C, m.
+            points: (m, 3), where features are in C, m; [] if nothing is seen. At most 32 of them are seen.
             seen: (m,), which of them are seen; None: those that are not NaN.
             names: (m,), whole numbers that tell the features from each other; None: 0 to m − 1. A feature that
                 returns under another name is recognised by its place.
@@ -206,23 +144,31 @@ class OnlineEstimator:
         Raises:
             InputError: a shape or a value is not as above; the filter is then as it was before.
         """
-        place = array_of("points", points)
-        if place.ndim != 2 or place.shape[1] != 3:
-            raise InputError(f"points has the shape {place.shape}, expected (m, 3)")
-        m = len(place)
-        there = ~np.isnan(place).any(axis=1) if seen is None else np.asarray(seen, dtype=bool)
-        labels = np.arange(m) if names is None else np.asarray(names)
-        if there.shape != (m,) or labels.shape != (m,) or not np.issubdtype(labels.dtype, np.integer):
-            raise InputError(f"seen and names: found {there.shape} and {labels.shape}, expected whole numbers ({m},)")
-        if there.sum() > MOST_FEATURES:
-            raise InputError(f"points: found {there.sum()} in a frame, expected at most {MOST_FEATURES}")
-        place, labels = np.ascontiguousarray(place[there]), np.ascontiguousarray(labels[there], dtype=np.int64)
-        if not (np.abs(place) <= FARTHEST).all():
-            raise InputError(f"points: found {place.tolist()}, expected numbers within {FARTHEST:g} m where seen")
+        time = seconds(time)
         if not abs(time) <= LATEST:
             raise InputError(f"time: found {time!r} s, expected one within {LATEST:g} s")
-        spread = None if covariance is None else _covariances(covariance, there)
-        upper = None if spread is None else np.ascontiguousarray(elements_of(spread))
+        place = rows("points", points, 3)
+        m = len(place)
+        there = ~np.isnan(place).any(axis=1) if seen is None else flags(seen)
+        labels = np.arange(m) if names is None else whole_numbers(names)
+        if there.shape != (m,) or labels.shape != (m,):
+            raise InputError(
+                f"seen and names: found {there.shape} and {labels.shape}, expected one of each point, ({m},)"
+            )
+        if there.sum() > MOST_FEATURES:
+            raise InputError(f"points: found {there.sum()} in a frame, expected at most {MOST_FEATURES}")
+        place, labels = np.ascontiguousarray(place[there]), np.ascontiguousarray(labels[there])
+        absurd = ~(np.abs(place) <= FARTHEST).all(axis=1)
+        if absurd.any():
+            raise InputError(
+                f"points: found {place[absurd][0].tolist()}, expected numbers within {FARTHEST:g} m where seen"
+            )
+        upper = None
+        if covariance is not None:
+            spread = covariances_of(covariance, there)
+            if spread is None:
+                raise InputError(REFUSED[Result.BAD_COVARIANCE])
+            upper = np.ascontiguousarray(elements_of(spread))
         push = _thrust(acceleration)
         result = self._library.online_update(
             self._memory,
@@ -244,7 +190,7 @@ class OnlineEstimator:
         Raises:
             InputError: the time is before the last frame or too late, or a value is not finite.
         """
-        found = State()
+        found, time = State(), seconds(time)
         push, result = ctypes.byref(_thrust(acceleration)), ctypes.byref(found)
         late = _is_too_late(time)
         answer = Result.BAD_TIME if late else self._library.online_predict(self._memory, time, push, result)
@@ -253,7 +199,7 @@ class OnlineEstimator:
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
         thrust, of_thrust = np.array(found.thrust), np.array(found.of_thrust).reshape(4, 4)
-        scalars = found.density, found.noise_ratio, found.lasting
+        scalars = found.density, found.noise_ratio, found.lasting, int(found.maps)
         return OnlineState(
             time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, *scalars, thrust, of_thrust, found.execution
         )
@@ -264,7 +210,7 @@ class OnlineEstimator:
         Raises:
             InputError: the time is before the last frame, or too late.
         """
-        found = Tumble()
+        found, time = Tumble(), seconds(time)
         if _is_too_late(time) or self._library.online_tumble(self._memory, time, ctypes.byref(found)):
             raise _not_to_be_predicted(time)
         if not found.known:
@@ -285,6 +231,7 @@ class OnlineEstimator:
         Raises:
             InputError: the time is before the last frame or too late, or a value is not finite.
         """
+        name, time = whole_number(name), seconds(time)
         position, covariance, push = np.empty(3), np.empty((3, 3)), _thrust(acceleration)
         if _is_too_late(time):
             raise _not_to_be_predicted(time)
@@ -308,14 +255,21 @@ class OnlineEstimator:
         memory = self._memory.raw
         return HEAD.pack(MAGIC, build(), zlib.crc32(memory)) + memory
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies, and what pickle writes, are by `save`."""
+        return type(self).restored, (self.save(),)
+
     @classmethod
-    def restored(cls, content: bytes) -> "OnlineEstimator":
+    def restored(cls, content: bytes | bytearray | memoryview) -> Self:
         """The filter that `save` gave, which goes on to the last bit as the saved one.
 
         Raises:
             InputError: the content is not a saved filter of this version, or is damaged.
         """
         size = HEAD.size + library().online_size()
+        if not isinstance(content, bytes | bytearray | memoryview):
+            raise InputError(f"a saved filter: found {type(content).__name__}, expected bytes")
+        content = bytes(content)
         if not content.startswith(MAGIC) or len(content) != size:
             raise InputError(f"a saved filter: found {len(content)} bytes, expected {size} that begin with {MAGIC!r}")
         _, version, checksum = HEAD.unpack_from(content)
@@ -343,36 +297,12 @@ def _not_to_be_predicted(time: float, result: Result = Result.BAD_TIME) -> Input
     return InputError(f"time: found {time!r} s, expected one that is not before the last frame, up to {LATEST:g} s")
 
 
-def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
-    """The covariances (k, 3, 3) of the points that are there, (m,) of which k.
-
-    Raises:
-        InputError: another shape, or one is not symmetric; whether they are definite, the core tells.
-    """
-    found = array_of("covariance", covariance)
-    if found.shape != (len(there), 3, 3):
-        raise InputError(f"covariance has the shape {found.shape}, expected ({len(there)}, 3, 3)")
-    found = found[there]
-    if (np.abs(found - np.swapaxes(found, 1, 2)) > SYMMETRIC * np.abs(found).max(initial=0.0)).any():
-        raise InputError(REFUSED[Result.BAD_COVARIANCE])
-    return found
-
-
 def _thrust(given: ArrayLike | Thrust | None) -> core.Thrust:
     if given is None:
         return NO_THRUST
-    told = given if isinstance(given, Thrust) else Thrust(given, None)
-    push = array_of("acceleration", told.acceleration)
-    if push.shape != (3,) or not (np.abs(push) <= STRONGEST).all():
-        raise InputError(f"acceleration: found {told.acceleration!r}, expected three numbers within {STRONGEST:g} m/s²")
-    return core.Thrust((ctypes.c_double * 3)(*push), CAMERA if told.attitude is None else _axes(told.attitude))
-
-
-def _axes(attitude: ArrayLike) -> Any:
-    axes = array_of("attitude", attitude)
-    if axes.shape != (3, 3) or not (np.abs(axes @ axes.T - np.eye(3)) <= ORTHONORMAL).all():
-        raise InputError(f"attitude of the thrust: found {attitude!r}, expected a rotation matrix (3, 3)")
-    return (ctypes.c_double * 9)(*axes.ravel())
+    told = given if isinstance(given, Thrust) else Thrust(given)
+    axes = CAMERA if told.attitude is None else (ctypes.c_double * 9)(*np.ravel(told.attitude))
+    return core.Thrust((ctypes.c_double * 3)(*np.asarray(told.acceleration)), axes)
 
 
 def _numbers(values: FloatArray) -> Any:

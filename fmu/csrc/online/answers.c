@@ -104,7 +104,7 @@ static void claim(const Online *filter, const Posterior *posterior, double P[6][
 static void begin_state(const Online *filter, double time, OnlineState *state) {
     *state = (OnlineState){.time = time, .status = WAITING, .features = filter->used, .density = filter->density};
     state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
-    state->lasting = filter->frames_per_error;
+    state->lasting = filter->frames_per_error, state->maps = filter->maps;
     for (int i = 0; i < 3; i++) {
         state->r[i] = state->v[i] = NAN;
         for (int j = 0; j < 3; j++) state->R[i][j] = NAN;

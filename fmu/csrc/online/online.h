@@ -289,10 +289,11 @@ typedef struct {
     Tumble tumble;
     double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
     Posterior posterior;
+    double maps; /* begun so far: each has its own axes B */
 } Online;
 
 typedef struct {
-    double time, status, features, density, noise_ratio, lasting;
+    double time, status, features, density, noise_ratio, lasting, maps;
     double r[3], v[3], R[3][3];
     double covariance[6][6]; /* of r and v */
     double thrust[4], of_thrust[4][4]; /* what the thrusters are wrong by: a scale, a rotation vector in their axes, rad; covariance */

@@ -28,6 +28,7 @@ def test_another_side_of_the_target_leaves_the_path_as_well_known_as_it_was():
         assert status[turn - 1] is OnlineStatus.TRACKING
         assert status[turn : turn + PATIENCE] == [OnlineStatus.LOST] * (PATIENCE - 1) + [OnlineStatus.TRACKING]
         assert set(status[turn + PATIENCE :]) == {OnlineStatus.TRACKING}
+        assert [state.maps for state in states] == [1] * (turn + PATIENCE - 1) + [2] * (len(time) - turn - PATIENCE + 1)
         assert max(claimed[turn:]) < 1.3 * claimed[turn - 1]
         assert claimed[-1] < 0.5 * claimed[turn - 1]
         nees.append(errors(states, path)[1][[turn + 10, -1]])

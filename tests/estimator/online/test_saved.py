@@ -1,5 +1,8 @@
 """Filters that are saved as bytes."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -22,8 +25,32 @@ def test_a_saved_filter_goes_on_to_the_last_bit():
     assert len(content) <= 256 * 1024
 
 
+@pytest.mark.parametrize(
+    "copied",
+    [
+        copy.deepcopy,
+        lambda filter: pickle.loads(pickle.dumps(filter)),  # noqa: S301
+        lambda filter: OnlineEstimator.restored(bytearray(filter.save())),
+    ],
+    ids=["deepcopy", "pickle", "bytearray"],
+)
+def test_copies_are_filters_of_their_own(copied):
+    """They failed with messages of ctypes."""
+    time = np.arange(10.0)
+    seen = tracks(np.random.default_rng(13), time, straight(time))
+    one = OnlineEstimator(SIGMA)
+    run(one, time[:5], seen[:5])
+    content = one.save()
+    other = copied(one)
+    run(one, time[5:], seen[5:])
+    assert other.save() == content
+    run(other, time[5:], seen[5:])
+    assert other.save() == one.save()
+
+
 @pytest.mark.parametrize("change, message", [
     (lambda content: b"", "found 0 bytes"),
+    (lambda content: "x", "found str, expected bytes"),
     (lambda content: content[:-1], r"expected \d+ that begin with"),
     (lambda content: b"x" + content[1:], r"expected \d+ that begin with"),
     (lambda content: content[:20] + bytes(byte ^ 1 for byte in content[20:21]) + content[21:], "of another version"),
