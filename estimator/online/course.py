@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.online.answers import OnlineStatus
 from baryscope.estimator.online.core import MOST_FEATURES
-from baryscope.estimator.online.estimator import OnlineEstimator, OnlineStatus
+from baryscope.estimator.online.estimator import OnlineEstimator
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import brief

@@ -258,7 +258,7 @@ static void map_turned(const Online *filter, const double before[MOST_FEATURES][
 
 /* Whether the target turned so far since the node before, as over a gap, that its rate is not the mean one, and whole turns do not show. */
 static int is_over_gap(const Online *filter, const double turn[3], double span) {
-    return dot(turn, turn) > 1.0 || dot(filter->rate, filter->rate) * span * span > 1.0;
+    return dot(turn, turn) > 1.0 || (isfinite(filter->of_rate) && dot(filter->rate, filter->rate) * span * span > 1.0);
 }
 
 /* Give the node to the filter and begin another; with the tumble as it is predicted now. 0 if the filter has to start again. */
@@ -292,8 +292,8 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     angle_between(filter->R, before, turn);
     double of_attitude = measurement.turn[0][0] + measurement.turn[1][1] + measurement.turn[2][2], span = time - filter->turned;
     const int far = is_over_gap(filter, turn, span);
-    for (int k = 0; k < 3; k++) filter->rate[k] = far ? 0.0 : turn[k] / span;
-    filter->of_rate = (filter->of_attitude + of_attitude) / (span * span);
+    for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / span;
+    filter->of_rate = far ? INFINITY : (filter->of_attitude + of_attitude) / (span * span);
     filter->of_attitude = of_attitude;
     follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, far, filter->R, measurement.turn);
     filter->turned = time;

@@ -47,13 +47,13 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
     return ACCEPTED;
 }
 
-/* The angular rate in C from a time on, with its variance over all axes: of the last two nodes, or of the first one's frames. */
+/* The angular rate in C from a time on, with its variance over all axes: of the last two nodes, or, before these and over a gap, of the open one's frames. */
 static void last_rate(const Online *filter, double rate[3], double *variance, double *since) {
     const Node *node = &filter->node;
     double turn[3], span = filter->referred - node->begin;
     for (int k = 0; k < 3; k++) rate[k] = filter->rate[k];
     *variance = filter->of_rate, *since = filter->turned;
-    if (dot(rate, rate) > 0.0 || node->count < 2.0 || !(span > 0.0)) return;
+    if ((dot(rate, rate) > 0.0 && isfinite(filter->of_rate)) || node->count < 2.0 || !(span > 0.0)) return;
     angle_between(filter->reference, node->R, turn);
     for (int k = 0; k < 3; k++) rate[k] = turn[k] / span;
     *variance = 2.0 * filter->unsure / (span * span), *since = node->begin;
