@@ -46,6 +46,15 @@ def test_the_sentences_have_the_numbers_of_the_run(run):
     assert float(sentences[6].split(" rms for ")[1].split(" mm")[0]) == pytest.approx(raw, rel=0.03)
 
 
+def test_the_sentences_say_what_ours_shows_where_the_paper_shows_another(run):
+    """Those of the bars, the trajectory and the fit told of our run alone."""
+    sentences = {figure.number: figure.sentence(run) for figure in FIGURES}
+    assert "The paper's bars have such clusters" in sentences[2]
+    assert sentences[2].endswith("ours show that none of the features is in more than one.")  # of a single cluster
+    assert sentences[3].startswith("The paper shows the relative trajectory")
+    assert "The paper shows how the polynomial fits the pseudo-intersections; ours has the truth" in sentences[8]
+
+
 def test_the_command_draws_each_figure_and_puts_it_on_the_page(run, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("baryscope.scripts.cli.figures.run_paper", lambda scenario, progress: run)
     folder = tmp_path / "new"
