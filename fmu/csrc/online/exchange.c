@@ -19,9 +19,21 @@ static void exchange(Frame *frame, int i, int j) {
     frame->slot[j] = slot, frame->name[j] = name, copy(spread, frame->spread[j]);
 }
 
+/* How far the attitude of a pose is from the predicted one, as a chi-square: about each axis by what that shows of it. */
+static double attitude_square(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
+    double T[3][3], W[3][3], turn[3], weighted[3];
+    if (!isfinite(predicted->variance)) return 0.0;
+    of_pose(pose, 3, T);
+    for (int k = 0; k < 3; k++) T[k][k] += square_of_camera(filter) + predicted->variance;
+    if (!inverted(T, W)) return INFINITY;
+    angle_between(pose->R, predicted->R, turn);
+    times(W, turn, weighted);
+    return dot(turn, weighted);
+}
+
 /* Whether the attitude of a pose is far from the predicted one. */
 static int is_far(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
-    return pose->apart * pose->apart > GATE * (attitude_variance(filter, pose) + predicted->variance);
+    return attitude_square(filter, predicted, pose) > GATE;
 }
 
 /* Whether an attitude is predicted well enough to tell a large turn from none. */
@@ -53,26 +65,29 @@ static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude
 
 /* How badly a pose fits its points and the predicted attitude, as a chi-square. */
 static double badness(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
-    return pose->squares + pose->apart * pose->apart / (attitude_variance(filter, pose) + predicted->variance);
+    return pose->squares + attitude_square(filter, predicted, pose);
 }
 
 /* Whether three points, which fit a pose, fit another one about as well if two have exchanged their names: of a triangle with
    two sides alike, half a turn; and neither a prediction nor, where there is none, a small turn tells which. An attitude that noise
-   alone may turn so tells little anyway. Weights and marks are as of the pose afterwards. */
+   alone may turn so tells little anyway. Where one is well predicted, other names have to fit better: a pose that hardly shows its
+   own attitude is not far from any. Weights and marks are as of the pose afterwards. */
 static int is_ambiguous(const Online *filter, Frame *frame, const PredictedAttitude *predicted, const Pose *pose) {
+    const PredictedAttitude shown = {.variance = attitude_variance(filter, pose)};
+    const int foreseen = is_foreseen(predicted);
     int known[MOST_FEATURES], n = 0, found = 0;
     for (int i = 0; i < frame->count; i++)
         if (frame->slot[i] >= 0) known[n++] = i;
-    const PredictedAttitude shown = {.variance = attitude_variance(filter, pose)};
-    if (n != 3 || is_foreseen(predicted) || !is_foreseen(&shown)) return 0;
+    if (n != 3 || (foreseen ? pose->apart < ALIKE || is_far(filter, predicted, pose) : !is_foreseen(&shown))) return 0;
     if (!isfinite(predicted->variance) && pose->apart < LARGE) return 0;
+    const double most = badness(filter, predicted, pose) + (foreseen ? 0.0 : GATE);
     for (int k = 0; k < 3; k++) {
         Pose other;
         const int one = known[k], two = known[(k + 1) % 3];
         exchange(frame, one, two);
         if (from_triple(filter, frame, known, &other)) {
             set_apart(predicted, &other);
-            found = found || badness(filter, predicted, &other) < badness(filter, predicted, pose) + GATE;
+            found = found || badness(filter, predicted, &other) < most;
         }
         exchange(frame, one, two);
     }

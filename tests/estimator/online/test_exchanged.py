@@ -1,12 +1,16 @@
 """The online estimator where two features have each other's names: in single frames, or for a while."""
 
+import ctypes
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
+from compiling import ONLY_WHAT_IS_CALLED, online_core_of
 from tops import POINTS, SIGMA, errors, run, straight, tracks
 
 ALPHA = 1e-4  # of the chi-square bands
@@ -115,3 +119,36 @@ def test_a_new_map_goes_on_with_the_rate():
         assert {state.status for state in states[begins:]} == {"tracking"}
         nees.append(errors(states, path)[1][begins + 1])
     assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
+
+
+JUDGED = """#include "library.c"
+int judged_far(const double covariance[3][3], const double turn[3], double variance)
+{
+    static Online filter;
+    Pose pose = {.count = 3};
+    PredictedAttitude predicted = {.variance = variance};
+    for (int k = 0; k < 3; k++) predicted.R[k][k] = 1.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) pose.covariance[3 + i][3 + j] = covariance[i][j];
+    rotation(turn, pose.R);
+    set_apart(&predicted, &pose);
+    return is_far(&filter, &predicted, &pose);
+}"""
+
+
+def test_an_attitude_that_is_badly_shown_about_one_axis_is_not_excused_about_the_others(tmp_path):
+    """A turn of 0.9 rad about an axis that is known to 0.03 rad was not far if another one was known to 0.3 rad: by the
+    sum of the variances it was within the gate.
+    """
+    core = online_core_of(tmp_path, JUDGED, *ONLY_WHAT_IS_CALLED)
+    axes = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    covariance = np.ascontiguousarray(axes @ np.diag([0.3**2, 0.03**2, 0.03**2]) @ axes.T)
+
+    def is_far(axis, angle, variance=1e-4):
+        turn = np.ascontiguousarray(angle * axes[:, axis])
+        pointers = (each.ctypes.data_as(ctypes.c_void_p) for each in (covariance, turn))
+        return core.judged_far(*pointers, ctypes.c_double(variance))
+
+    assert [is_far(axis, 0.9) for axis in range(3)] == [0, 1, 1]
+    assert is_far(0, 1.5)
+    assert not is_far(1, 0.9, np.inf)
