@@ -14,6 +14,7 @@ from baryscope.estimator.adjustment.diagnostics import (
 )
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.details import FilterDetails
+from baryscope.estimator.ekf.densities import bounds_of, likeliest_of, process_noise_of
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
@@ -28,7 +29,7 @@ from baryscope.estimator.paths.seen_path import SeenPath
 from baryscope.estimator.pivot.burns.solution import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
-from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 
 
@@ -51,7 +52,7 @@ def answer_of(found: Passes, begin: float) -> Estimate:
     """The estimate of passes; begin: when the work began, s of the performance counter."""
     problem, last, at, features = found.problem, found.last, found.reference, _features(found)
     tracks, options, start = problem.tracks, problem.options, problem.start
-    answer = _answer(found, features)
+    answer, densities, bounds = _answer(found, features), likeliest_of(found), bounds_of(found)
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
     gravity_gradient = start.rotation.orbit is not None
@@ -75,10 +76,10 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=FilterDetails(
-            process_noise=found.likeliest.path,
-            process_noise_bounds=found.bounds[0],
-            torque_noise=found.likeliest.turn,
-            torque_noise_bounds=found.bounds[1],
+            process_noise=densities.path,
+            process_noise_bounds=bounds[0],
+            torque_noise=densities.turn,
+            torque_noise_bounds=bounds[1],
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.frame_variance,
             log_likelihood=-0.5 * (last.parameters.log_determinant + last.parameters.squares / last.variance),
@@ -115,17 +116,6 @@ def _few_frames(found: Passes) -> tuple[FewFrames, ...]:
     own = slice(last.system.points.start)
     held = np.vdot(last.prior.information[own, own], last.parameters.covariance[own, own])
     return few_frames(last.weight, own.stop - float(held), last.lasting)
-
-
-def process_noise_of(found: Passes) -> ProcessNoise:
-    """The process noise of the path."""
-    on_position, options, last = found.problem.slips, found.problem.options, found.last
-    if options.process_noise == "none":
-        return ProcessNoise("none", 0.0, of_position=on_position)
-    if not isinstance(options.process_noise, str):
-        return ProcessNoise("given", options.process_noise, of_position=on_position)
-    significance = None if last.bank is None else last.bank.significance(last.member)
-    return ProcessNoise("estimated", found.likeliest.path, found.bounds[0], significance, of_position=on_position)
 
 
 def _features(found: Passes) -> IntArray:

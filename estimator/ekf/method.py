@@ -20,7 +20,8 @@ import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.stereo import observations_of
-from baryscope.estimator.ekf.answer import answer_of, process_noise_of
+from baryscope.estimator.ekf.answer import answer_of
+from baryscope.estimator.ekf.densities import process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts

@@ -11,7 +11,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.ekf.bank import GENEROUS, Bank, Bounds, Member
+from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.camera import CameraErrors
 from baryscope.estimator.ekf.linearised import (
     INERTIA,
@@ -116,30 +116,6 @@ class Passes:
     def probability(self) -> FloatArray:
         """Their probabilities (k,)."""
         return self._posterior[1]
-
-    @cached_property
-    def likeliest(self) -> Member:
-        """The most probable densities, of the variance of an observation that they leave."""
-        best = int(np.argmax(self.probability))
-        return self._of_its_variance(self.members[best], best)
-
-    @cached_property
-    def bounds(self) -> tuple[Bounds, Bounds]:
-        """The bounds of the densities of path and rotation that hold 90 %, of that variance, too."""
-        last, best = self.last, int(np.argmax(self.probability))
-        of_path, of_turn = (
-            last.bank.bounds(last.member) if last.bank else ((last.member.path,) * 2, (last.member.turn,) * 2)
-        )
-        low, high = (self._of_its_variance(Member(*both), best) for both in zip(of_path, of_turn, strict=True))
-        return (low.path, high.path), (low.turn, high.turn)
-
-    def _of_its_variance(self, member: Member, index: int) -> Member:
-        """Densities, which the passes take relative to a variance, for that of a member of an index."""
-        axes = self.problem.axes(1.0)
-        ratio = float(self.variance[index] / (self.last.lasting * self.last.noise_variance))
-        return Member(
-            *(d * ratio if axis.free else d for axis, d in zip(axes, (member.path, member.turn), strict=True))
-        )
 
     @cached_property
     def mean_density(self) -> Member:
