@@ -142,8 +142,7 @@ class Bank:
         return self._bounds(self.path, best), self._bounds(self.turn, best)
 
     def significance(self, best: Member) -> float:
-        """2 ln of the likelihood of the path's density over that of none, for the best member's one of the rotation."""
-        self._survey(best)
+        """2 ln of the likelihood of the path's density over that of none, as far as it is known along it."""
         scores = self._along(self.path, best)
         return 2 * (max(scores.values()) - scores[0.0])
 

@@ -9,14 +9,19 @@ from baryscope.estimator.result import ProcessNoise
 
 def process_noise_of(found: Passes) -> ProcessNoise:
     """The process noise of the path."""
-    on_position, options, last = found.problem.slips, found.problem.options, found.last
+    on_position, options = found.problem.slips, found.problem.options
     if options.process_noise == "none":
         return ProcessNoise("none", 0.0, of_position=on_position)
     if not isinstance(options.process_noise, str):
         return ProcessNoise("given", options.process_noise, of_position=on_position)
     density, bounds = likeliest_of(found).path, bounds_of(found)[0]
-    significance = None if last.bank is None else last.bank.significance(last.member)
-    return ProcessNoise("estimated", density, bounds, significance, of_position=on_position)
+    return ProcessNoise("estimated", density, bounds, significance_of(found), of_position=on_position)
+
+
+def significance_of(found: Passes) -> float | None:
+    """2 ln of the likelihood of the path's density over that of none; None where it is not estimated."""
+    last, estimated = found.last, isinstance(found.problem.options.process_noise, str)
+    return last.bank.significance(last.member) if last.bank and estimated else None
 
 
 def likeliest_of(found: Passes) -> Member:

@@ -21,7 +21,7 @@ import numpy as np
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.ekf.answer import answer_of
-from baryscope.estimator.ekf.densities import process_noise_of
+from baryscope.estimator.ekf.densities import significance_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts
@@ -235,8 +235,8 @@ def _with_untold_forces(task: _Task, found: Passes, trajectory: Trajectory) -> P
     where the path has process noise with the burns that it finds, or that the attitudes show. What `pivot` leaves to
     the time before and after the tracks is left to it here.
     """
-    problem, orbit, noise = found.problem, task.orbit, process_noise_of(found)
-    noisy = (noise.significance or 0.0) >= SIGNIFICANT
+    problem, orbit = found.problem, task.orbit
+    noisy = (significance_of(found) or 0.0) >= SIGNIFICANT
     exact = orbit is not None and orbit.with_earths_j2() is None and orbit.accuracy == 0
     if not noisy and (exact or (orbit is None and estimated_orbit_in(problem.path) is None)):
         return found
