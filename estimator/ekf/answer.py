@@ -89,7 +89,7 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         ),
         wall_time=clock.perf_counter() - begin,
         forces=_camera_errors(found),
-        process_noise=process_noise_of(found),
+        process_noise=process_noise_of(found, densities.path, bounds[0]),
         predictor=PredictedTumble(found, tracks.labels, features, answer.products),
     )
 

@@ -168,7 +168,7 @@ class Bank:
     def _narrow(self, axis: Axis, best: Member) -> None:
         """Evaluate levels along a density from the best member, until no two of which one counts are far apart."""
         for _ in range(HALVINGS):
-            probable = {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
+            probable = self._probable(axis, best)
             score = np.array([value for density, value in probable.items() if density > 0])
             level = np.log([density for density in probable if density > 0])
             counts = np.maximum(score[1:], score[:-1]) > max(probable.values()) - STEEPEST
@@ -180,7 +180,7 @@ class Bank:
 
     def _beside(self, axis: Axis, best: Member) -> list[float]:
         """The densities beside probable ones that are not known yet."""
-        probable = {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
+        probable = self._probable(axis, best)
         known, least = [density for density in probable if density > 0], max(probable.values()) + log(NEGLIGIBLE)
         return [
             near
@@ -201,11 +201,14 @@ class Bank:
         members = {density: self._with(axis, best, density) for density in every}
         return {density: self.scores[member] for density, member in members.items() if member in self.scores}
 
+    def _probable(self, axis: Axis, best: Member) -> dict[float, float]:
+        """The logarithms of likelihood and prior along a density, as far as they are known, ascending in it."""
+        return {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
+
     def _weights(self, axis: Axis, best: Member) -> tuple[list[float], FloatArray]:
         """Densities, ascending, and their probabilities."""
-        scores = self._along(axis, best)
-        densities = list(scores)
-        logarithm = np.array([scores[density] + axis.log_prior(density) for density in densities])
+        probable = self._probable(axis, best)
+        densities, logarithm = list(probable), np.array(list(probable.values()))
         width = np.ones(len(densities))
         positive = [k for k, density in enumerate(densities) if density > 0]
         if len(positive) > 1:

@@ -7,14 +7,13 @@ from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.result import ProcessNoise
 
 
-def process_noise_of(found: Passes) -> ProcessNoise:
-    """The process noise of the path."""
+def process_noise_of(found: Passes, density: float, bounds: Bounds) -> ProcessNoise:
+    """The process noise of the path, of the likeliest density and its bounds if it is estimated."""
     on_position, options = found.problem.slips, found.problem.options
     if options.process_noise == "none":
         return ProcessNoise("none", 0.0, of_position=on_position)
     if not isinstance(options.process_noise, str):
         return ProcessNoise("given", options.process_noise, of_position=on_position)
-    density, bounds = likeliest_of(found).path, bounds_of(found)[0]
     return ProcessNoise("estimated", density, bounds, significance_of(found), of_position=on_position)
 
 
