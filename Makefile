@@ -26,9 +26,10 @@ check: $(VENV)/.ready
 	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml \
 	    --cache-dir $(CURDIR)/.mypy_cache -p baryscope -p examples
 
-# The page in which the units run.
+# The page in which the units run. -P: this folder is not searched for packages; while `check` makes the plain install, it
+# holds a baryscope.egg-info that is still empty, whose version would go into the page.
 live: $(VENV)/.ready
-	$(BIN)/python -m baryscope.live docs/live/index.html
+	$(BIN)/python -P -m baryscope.live docs/live/index.html
 
 # The pages of docs/, that page, and the reference, from the docstrings of the plain install. A dead link or name is an
 # error, and so is what griffe, which reads the docstrings, remarks: --strict does not count it. Before it, type checker
