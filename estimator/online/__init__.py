@@ -4,7 +4,21 @@
 are there already, `residuals` how a unit's samples are off its map.
 """
 
-from baryscope.estimator.online.answers import OnlineFeatures, OnlineState, OnlineStatus, OnlineTumble
+from baryscope.estimator.online.answers import (
+    OnlineFeatures,
+    OnlineResiduals,
+    OnlineState,
+    OnlineStatus,
+    OnlineTumble,
+)
 from baryscope.estimator.online.estimator import OnlineEstimator, Thrust
 
-__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus", "OnlineTumble", "Thrust"]
+__all__ = [
+    "OnlineEstimator",
+    "OnlineFeatures",
+    "OnlineResiduals",
+    "OnlineState",
+    "OnlineStatus",
+    "OnlineTumble",
+    "Thrust",
+]

@@ -79,6 +79,21 @@ class OnlineFeatures:
 
 
 @dataclass(frozen=True, eq=False)
+class OnlineResiduals:
+    """The points of the last frame that the map had: names (k,) as they came, residual (k, 3) in C, m, fits (k,).
+
+    A residual is how far a point is from where the map, as it was, has its feature, in the pose that fits best; NaN in
+    a frame for which no pose was found: then no point fits. What does not fit has told the filter nothing.
+    """
+
+    names: NDArray[np.int64]
+    residual: FloatArray
+    fits: NDArray[np.bool_]
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False)
 class OnlineTumble:
     """A free tumble at a time.
 

@@ -174,4 +174,5 @@ def library() -> ctypes.CDLL:
     loaded.online_tumble.argtypes = [ctypes.c_void_p, _double, ctypes.POINTER(Tumble)]
     loaded.online_point.argtypes = [ctypes.c_void_p, _double, thrust, ctypes.c_longlong, numbers, numbers]
     loaded.online_features.argtypes = [ctypes.c_void_p, names, numbers, numbers]
+    loaded.online_residuals.argtypes = [ctypes.c_void_p, names, numbers, ctypes.POINTER(ctypes.c_int)]
     return loaded

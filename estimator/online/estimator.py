@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FARTHEST_UNDER_J2, FINEST, LATEST
 from baryscope.estimator.online import core
-from baryscope.estimator.online.answers import FloatArray, OnlineFeatures, OnlineState, OnlineStatus, OnlineTumble
+from baryscope.estimator.online.answers import (
+    FloatArray,
+    OnlineFeatures,
+    OnlineResiduals,
+    OnlineState,
+    OnlineStatus,
+    OnlineTumble,
+)
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
 from baryscope.estimator.online.given import (
     covariances_of,
@@ -249,6 +256,15 @@ class OnlineEstimator:
         of_names = names.ctypes.data_as(ctypes.POINTER(ctypes.c_longlong))
         count = self._library.online_features(self._memory, of_names, _numbers(position), _numbers(covariance))
         return OnlineFeatures(names[:count], position[:count], covariance[:count])
+
+    def residuals(self) -> OnlineResiduals:
+        """How far the points of the last frame are off the map, and which of them fit; of those that it had."""
+        names = np.empty(MOST_FEATURES, dtype=np.int64)
+        residual, fits = np.empty((MOST_FEATURES, 3)), np.empty(MOST_FEATURES, dtype=np.intc)
+        of_names = names.ctypes.data_as(ctypes.POINTER(ctypes.c_longlong))
+        of_fits = fits.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
+        count = self._library.online_residuals(self._memory, of_names, _numbers(residual), of_fits)
+        return OnlineResiduals(names[:count], residual[:count], fits[:count] > 0)
 
     def save(self) -> bytes:
         """All that the filter knows, for `restored` by the same version on a machine of the same kind."""

@@ -243,7 +243,7 @@ static bool take_sample(Model *model, const double *values, char *message)
     }
     manoeuvre = manoeuvre_between(model, model->filter.time, time, axes);
     if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, &manoeuvre) != ACCEPTED) return false;
-    model->samples += 1.0;
+    model->samples += 1.0, model->sighted = values[AT_SAMPLE_TIME];
     for (int k = 0; k < 3; k++) {
         model->sight[k] = 0.0;
         for (int i = 0; i < count; i++) model->sight[k] += points[i][k] / count;
@@ -295,6 +295,21 @@ static void write_features(const Online *filter, const Posterior *posterior, dou
     }
 }
 
+static void write_residuals(const Online *filter, double *values)
+{
+    long long names[MOST_FEATURES];
+    double residuals[MOST_FEATURES][3];
+    int fits[MOST_FEATURES];
+    const int count = online_residuals(filter, names, residuals[0], fits);
+    memset(values + AT_RESIDUALS, 0, 3 * N_FEATURES * sizeof *values);
+    memset(values + AT_FITS, 0, N_FEATURES * sizeof *values);
+    memset(values + AT_REJECTED, 0, N_FEATURES * sizeof *values);
+    for (int i = 0; i < count; i++) {
+        values[(fits[i] ? AT_FITS : AT_REJECTED) + names[i]] = 1.0;
+        if (isfinite(residuals[i][0])) memcpy(values + AT_RESIDUALS + 3 * names[i], residuals[i], sizeof residuals[i]);
+    }
+}
+
 /* The outputs at a time. False if the filter has no finite state there. */
 static bool write_outputs(const Model *model, double *values, double time)
 {
@@ -305,7 +320,9 @@ static bool write_outputs(const Model *model, double *values, double time)
     const Online *filter = &model->filter;
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
+    values[AT_SIGHT_TIME] = model->sighted;
     memcpy(values + AT_SIGHT, model->sight, sizeof model->sight);
+    write_residuals(filter, values);
     write_tumble(model, values, time);
     if (filter->frames == 0.0) return true;
     copy(model->axes, axes);

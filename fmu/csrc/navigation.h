@@ -19,6 +19,7 @@ typedef struct {
     Online filter;
     double started; /* s: all other times here are since then, as the orbit's anomaly is that of the start */
     double taken, taken_time; /* number and sample.time of the last sample */
+    double sighted; /* sample.time of the last one that was taken */
     double samples;
     bool told[N_FAULTS]; /* that so was the first one of them */
     double attitude[4]; /* (w, x, y, z), of the last one that fits */

@@ -63,6 +63,9 @@ _EQUATIONS = (
     "middle, on the parabola through the last three.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
+    "sight.residuals tell by how much each point of the last sample is off the map, in the pose that fits best. Of a "
+    "sample for which there is none, all points are rejected. One that is not in the map yet neither fits nor is it "
+    "rejected.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "
     "that residuals are as large as expected. Covariances are there from the first sample on.",
 )
@@ -150,6 +153,10 @@ _PLACES = {
     "AT_VALID": "navigation.valid",
     "AT_STATUS": "status",
     "AT_SIGHT": "sight.position[1]",
+    "AT_SIGHT_TIME": "sight.time",
+    "AT_RESIDUALS": "sight.residuals[1,1]",
+    "AT_FITS": "sight.fits[1]",
+    "AT_REJECTED": "sight.rejected[1]",
     "AT_SAMPLES": "samples",
     "AT_PROCESS_NOISE": "processNoise",
     "AT_NOISE_RATIO": "noiseRatio",

@@ -54,7 +54,7 @@ def parts_of(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> 
 
 
 class _HasResiduals(Protocol):
-    """What `Estimate` and `MapResiduals` have: residuals (n, m, 3), m, and flags (n, m)."""
+    """What `Estimate` and `SampleResiduals` have: residuals (n, m, 3), m, and flags (n, m)."""
 
     @property
     def time(self) -> FloatArray: ...

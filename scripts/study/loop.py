@@ -3,12 +3,14 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.geometry.extent import rms_coordinates
 from baryscope.estimator.geometry.symmetric import FULL
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording
@@ -47,6 +49,28 @@ TRACKING = STATUSES.index("tracking")
 
 
 @dataclass(frozen=True, eq=False)
+class SampleResiduals:
+    """How far n samples of m features were off the map of the estimator when it took them.
+
+    time (n,), s; labels; residuals (n, m, 3) in C, m, NaN where it tells none; used (n, m): what was seen of features
+    that the map had; rejected (n, m): of these, what it left out.
+    """
+
+    time: FloatArray
+    labels: tuple[str, ...]
+    residuals: FloatArray
+    used: BoolArray
+    rejected: BoolArray
+
+    __repr__ = brief
+
+    @cached_property
+    def feature_rms(self) -> FloatArray:
+        """Rms of each feature's residuals per coordinate, (m,), m, without rejected ones; NaN if none is left."""
+        return rms_coordinates(self.residuals, ~self.rejected)
+
+
+@dataclass(frozen=True, eq=False)
 class Loop:
     """A flown loop at n communication points after the start; frame C has its origin at the chaser, inertial axes.
 
@@ -56,6 +80,7 @@ class Loop:
         position, covariance: (n, 3) and (n, 3, 3), the estimated CoM, m; zeros while the estimator waits.
         status: (n,), of the estimator, places in `STATUSES`.
         attitude: (n, 4), the estimated one, a quaternion (w, x, y, z) from the axes of its map to those of C.
+        residuals: of the samples in `tracks`; None if the estimator takes none of them, or does not tell.
         map: (m, 3), where the estimator has the features at last, from the CoM, m; NaN for those it has not.
         tumble: (n,), whether the estimator knows rate and inertia.
         chaser: (n, 3), LVLH, m.
@@ -78,6 +103,7 @@ class Loop:
     covariance: FloatArray
     status: NDArray[np.intp]
     attitude: FloatArray
+    residuals: SampleResiduals | None
     map: FloatArray
     tumble: BoolArray
     chaser: FloatArray
@@ -219,6 +245,34 @@ class RigReader:
         return float(time), np.where(seen, points, np.nan), np.where(seen[..., None], covariances, np.nan)
 
 
+class _ResidualReader:
+    """Reads what the estimator tells of each sample, when it has taken it."""
+
+    def __init__(self, estimator: Unit) -> None:
+        self._estimator, self._taken = estimator, 0.0
+        self._told: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = {}
+
+    def read(self) -> None:
+        taken = float(self._estimator.vector("samples")[0])
+        if taken == self._taken or not self._estimator.scalars("sight.residuals"):
+            return
+        self._taken = taken
+        time, residuals, fits, rejected = (
+            self._estimator.vector(f"sight.{name}") for name in ("time", "residuals", "fits", "rejected")
+        )
+        self._told[float(time[0])] = residuals.reshape(-1, 3), fits, rejected
+
+    def of(self, time: FloatArray, labels: tuple[str, ...]) -> SampleResiduals | None:
+        """Of samples at these times; None if the unit does not tell any."""
+        if not self._told:
+            return None
+        none = np.zeros((len(labels), 3)), np.zeros(len(labels)), np.zeros(len(labels))
+        rows = [self._told.get(moment, none) for moment in time.tolist()]
+        residuals, fits, rejected = (np.array(values) for values in zip(*rows, strict=True))
+        told = np.where((residuals != 0.0).any(axis=2, keepdims=True), residuals, np.nan)
+        return SampleResiduals(time, labels, told, (fits > 0) | (rejected > 0), rejected > 0)
+
+
 class _Recorder:
     """What is seen of the units at each communication point."""
 
@@ -237,6 +291,7 @@ class _Recorder:
         self._to_grapple, self._miss, self._clearance = np.empty(count), np.empty(count), np.empty(count)
         self._samples: list[Sample] = []
         self._rig, controller = RigReader(units["rig"]), units["controller"]
+        self._residuals = _ResidualReader(units["estimator"])
         a, e, inclination, raan, periapsis, anomaly, mu = (
             float(units["target"].vector(name)[0]) for name in PARAMETERS
         )
@@ -261,6 +316,7 @@ class _Recorder:
             self._turns = bool(self._rows["controller goal.synchronised"][index].any())
         off = self._rows["target chaser.position"][index] - self._hold
         self._miss[index] = self._to_grapple[index] if self._turns else np.linalg.norm(off)
+        self._residuals.read()
         sample = self._rig.newest()
         if sample is not None:
             self._samples.append(sample)
@@ -292,6 +348,7 @@ class _Recorder:
             covariance=rows["estimator target.positionCovariance"][:, FULL],
             status=rows["estimator status"][:, 0].astype(np.intp),
             attitude=rows["estimator target.attitude"],
+            residuals=self._residuals.of(time, labels),
             map=np.where(known, estimator.vector("body.features").reshape(-1, 3), np.nan),
             tumble=rows["estimator tumble.known"][:, 0] > 0,
             chaser=rows["target chaser.position"],

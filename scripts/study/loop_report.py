@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS, matrix_from_quaternion
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
-from baryscope.estimator.online.residuals import MapResiduals, residuals_of_map
 from baryscope.models.approach.reckoning import RETREAT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
@@ -22,9 +21,9 @@ from baryscope.study.loop import Loop
 from baryscope.study.loop_summary import QUANTITIES
 
 FROM_MAP = (
-    "How far the points of each sample are from where the map of the estimator, as it is at last, has their features, "
+    "How far the points of each sample were from where the map of the estimator, as it then was, had their features, "
     "in the pose that fits them best: the estimator leaves the attitude of each sample free. What does not fit with a "
-    "probability of 10⁻⁴, its own test, is rejected."
+    "probability of 10⁻⁴ it rejects."
 )
 VERDICTS = {
     "tracking": ("good", "At last the estimator tracks the target."),
@@ -45,7 +44,7 @@ def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -
     marks = marks_of(loop)
     shades = blackouts(loop.tracks.time, loop.tracks.seen)
     how: dict[str, Any] = {"shades": shades, "shade": "nothing seen", "marks": marks}
-    residuals, observability = map_residuals(loop), observability_of(loop)
+    residuals, observability = loop.residuals, observability_of(loop)
     rejected = np.zeros_like(loop.tracks.seen) if residuals is None else residuals.rejected
     parts: list[Part] = [scene_of_loop(loop, rejected), _convergence(loop, **how)]
     if loop.tracking.any():
@@ -122,15 +121,6 @@ def _convergence(loop: Loop, **how: Any) -> Chart:
     covariance = np.where((loop.status == 0)[:, None, None], np.nan, loop.covariance)
     about = "The error of the online estimate; the band is where 95 % of the errors should be by its covariance."
     return convergence_chart("error of the centre of mass", loop.time, loop.error, covariance, about=about, **how)
-
-
-def map_residuals(loop: Loop) -> MapResiduals | None:
-    """How the rig's samples are off the map that the estimator has at last; None if it has none."""
-    tracks = loop.tracks
-    assert tracks.covariance is not None  # noqa: S101  a rig tells them
-    if np.isfinite(loop.map).all(axis=1).sum() < FEWEST_POINTS:
-        return None
-    return residuals_of_map(tracks.time, tracks.labels, tracks.position, tracks.covariance, loop.map)
 
 
 def observability_of(loop: Loop) -> Observability | None:

@@ -182,6 +182,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         fits = is_expected(filter, &frame, &predicted, &pose);
     }
     if (!fits) {
+        keep_residuals(filter, &frame, NULL, names);
         int strangers = known_in(&frame) < 3;
         if (frame.count < 3 || ++filter->lost < (strangers ? PATIENT : HOPELESS) || !spread_out(&frame)) return ACCEPTED;
         if (known_path(filter, &path)) begin(filter, &frame, &path);
@@ -191,6 +192,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     filter->posterior_valid = 0.0;
     settle_names(filter, &frame);
     note_names(filter, &frame, names);
+    keep_residuals(filter, &frame, &pose, names);
     filter->squares += pose.squares;
     filter->freedom += 3.0 * pose.count - 6.0;
     filter->sightings += pose.count;

@@ -242,6 +242,13 @@ typedef struct {
     double P[SPIN][SPIN], torque;  /* their covariance, and the mean density */
 } Tumble;
 
+/* Of a point of the last frame that the map had: under which name it came, what it is off by in C, m, NaN where no pose was found, and 1: it
+   fits. */
+typedef struct {
+    long long name;
+    double e[3], fits;
+} PointResidual;
+
 typedef struct {
     OnlineOptions options; /* first, where Python reads them */
     double time;
@@ -290,6 +297,8 @@ typedef struct {
     double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
     Posterior posterior;
     double maps; /* begun so far: each has its own axes B */
+    double residuals; /* how many */
+    PointResidual residual[MOST_FEATURES];
 } Online;
 
 typedef struct {
@@ -327,5 +336,8 @@ ONLINE_EXPORT int online_point(const Online *filter, double time, const OnlineTh
                                double *position, double *covariance);
 /* Names, positions in B from the centre of mass and their covariances (3, 3); returns how many. */
 ONLINE_EXPORT int online_features(const Online *filter, long long *names, double *positions, double *covariances);
+/* Of the points of the last frame that the map had: the names under which they came, what they are off it by in the pose that was found,
+   (3) in C, m, NaN where none was, and whether they fit, 1 or 0; returns how many. */
+ONLINE_EXPORT int online_residuals(const Online *filter, long long *names, double *residuals, int *fits);
 
 #endif

@@ -100,5 +100,6 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "node.c"
 #include "posterior.c"
 #include "answers.c"
+#include "residuals.c"
 #include "begin.c"
 #include "online.c"

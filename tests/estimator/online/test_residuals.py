@@ -1,80 +1,80 @@
-"""Residuals of samples against a map: what is off is found and what is right stays, feature by feature."""
+"""What the online estimator tells of the points of its last frame: how far they are off its map, and which fit."""
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
 
-from baryscope.estimator.online.residuals import residuals_of_map
+from baryscope.estimator.online import OnlineEstimator
+from tops import FRAMES, POINTS, SIGMA, straight, tracks
 
-LABELS = tuple("abcdefghijkl")
-DEVIATION = np.array([0.002, 0.002, 0.02])  # depths are worse, as a rig's
-
-
-def samples(share, count=400, seed=1):
-    """Points of a body at random poses, of which a share is off by half a metre; four tenths are not seen."""
-    rng = np.random.default_rng(seed)
-    body = 2.0 * rng.normal(size=(len(LABELS), 3))
-    R, place = Rotation.random(count, rng).as_matrix(), 20.0 * rng.normal(size=(count, 1, 3))
-    position = body @ np.swapaxes(R, 1, 2) + place + DEVIATION * rng.normal(size=(count, len(LABELS), 3))
-    off = rng.random(position.shape[:2]) < share
-    position[off] += 0.5 * rng.normal(size=(off.sum(), 3))
-    position[rng.random(off.shape) < 0.4] = np.nan
-    covariance = np.broadcast_to(np.diag(DEVIATION**2), (*off.shape, 3, 3))
-    return position, covariance, body, off & np.isfinite(position[..., 0])
+M = len(POINTS)
+SETTLED = FRAMES // 2  # frames after which the map is known ten times better than one frame shows it
 
 
-def found_in(position, covariance, body):
-    return residuals_of_map(np.arange(len(position), dtype=float), LABELS, position, covariance, body)
+def watched(points, **more):
+    """After each frame, what the filter tells of it: residuals (n, m, 3), NaN where none; told and fits (n, m)."""
+    filter = OnlineEstimator(SIGMA)
+    residuals, told, fits = np.full(points.shape, np.nan), *np.zeros((2, *points.shape[:2]), dtype=bool)
+    for k, frame in enumerate(points):
+        filter.update(float(k), frame, **more)
+        found = filter.residuals()
+        residuals[k, found.names], told[k, found.names], fits[k, found.names] = found.residual, True, found.fits
+    return residuals, told, fits
 
 
-def test_residuals_are_as_large_as_the_noise():
-    """Their weighted squares are χ² of three for each point less six for each pose; of 1e4 that holds in five σ."""
-    position, covariance, body, _ = samples(0.0)
-    found = found_in(position, covariance, body)
-    seen = np.isfinite(position[..., 0])
-    enough = seen.sum(axis=1) >= 3
-    np.testing.assert_array_equal(found.used, seen & enough[:, None])
-    # Squares beyond the gate of p = 1e-4 have been left out: of 2900 points a few at most.
-    assert found.rejected.sum() <= 3
-    squares = np.nansum((found.residuals / DEVIATION) ** 2)
-    degrees = 3 * found.used.sum() - 6 * enough.sum()
-    assert squares == pytest.approx(degrees, abs=5 * np.sqrt(2 * degrees))
-    np.testing.assert_allclose(
-        found.feature_rms,
-        np.sqrt(np.nanmean(np.where(found.rejected[..., None], np.nan, found.residuals) ** 2, (0, 2))),
-    )
+@pytest.fixture(scope="module")
+def points():
+    time = np.arange(FRAMES, dtype=float)
+    return tracks(np.random.default_rng(5), time, straight(time))
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.2])
-def test_points_that_are_off_are_rejected_and_no_others(share):
-    position, covariance, body, off = samples(share)
-    found = found_in(position, covariance, body)
-    posed = np.isfinite(found.residuals[..., 0]).any(axis=1)
-    most = 2 * (found.used & ~off).sum(axis=1) > np.maximum(found.used.sum(axis=1), 5)  # three right ones at least
-    assert posed[most].mean() > 0.95
-    rows = posed[:, None] & found.used
-    assert (found.rejected & ~off & rows).sum() <= 3 + 0.01 * (off & rows).sum()
-    # Half a metre along the depth is 25 σ: as little as ±0.1 of it passes the gate by chance.
-    assert (~found.rejected & off & rows).sum() <= 0.03 * (off & rows).sum() + 1
+def test_residuals_are_as_large_as_the_noise(points):
+    """Their squares are χ² of three for each point less six for each pose, in five σ, and 2 % for the map's errors."""
+    residuals, told, fits = watched(points)
+    assert not told[0].any()  # the first frame is the map
+    assert told[1:].all()
+    assert (~fits[1:]).mean() < 1e-3  # the gate is at 1e-4
+    squares = np.sum((residuals[SETTLED:][fits[SETTLED:]] / SIGMA) ** 2)
+    degrees = 3 * fits[SETTLED:].sum() - 6 * (FRAMES - SETTLED)
+    assert squares == pytest.approx(degrees, abs=5 * np.sqrt(2 * degrees) + 0.02 * degrees)
 
 
-def test_a_sample_that_is_of_nothing_has_no_pose():
-    position, covariance, body, _ = samples(0.0)
-    position[7] = np.random.default_rng(2).uniform(5.0, 50.0, position[7].shape)
-    position[9, 2:] = np.nan  # two points are no sample
-    found = found_in(position, covariance, body)
-    assert found.rejected[7].all()
-    assert np.isnan(found.residuals[7]).all()
-    assert not found.used[9].any()
-    assert not found.rejected[9].any()
+def test_points_that_are_off_do_not_fit_and_no_others(points):
+    """Of one in ten, by 25 σ along each axis; where fewer than half are off, and three are right."""
+    rng = np.random.default_rng(6)
+    off = (rng.random((FRAMES, M)) < 0.1) & (np.arange(FRAMES)[:, None] > 0)
+    moved = points + 25 * SIGMA * off[..., None] * rng.choice([-1.0, 1.0], (FRAMES, M, 3))
+    residuals, told, fits = watched(moved)
+    most = (2 * (~off).sum(axis=1) > M) & (np.arange(FRAMES) > 0)
+    assert told[1:].all()
+    assert not (fits & off)[most].any()
+    assert fits[most][~off[most]].mean() > 0.995  # the gate is at 1e-4, and a pose that many are missing from is weaker
+    # What is off is off by as much as it was moved by: the pose is that of the others.
+    most[:SETTLED] = False
+    lengths = np.linalg.norm(residuals[most], axis=2)[off[most]]
+    np.testing.assert_allclose(lengths, 25 * np.sqrt(3) * SIGMA, atol=8 * SIGMA)
 
 
-def test_features_that_the_map_has_not_are_not_used():
-    position, covariance, body, _ = samples(0.0)
-    body[4] = np.nan
-    found = found_in(position, covariance, body)
-    assert not found.used[:, 4].any()
-    assert np.isnan(found.feature_rms[4])
-    assert np.isfinite(np.delete(found.feature_rms, 4)).all()
-    assert chdtri(3, 1e-4) == pytest.approx(21.1, abs=0.05)  # the gate of fmu/csrc/online/registration.c
+def test_a_frame_of_nothing_has_no_pose_and_nothing_fits(points):
+    points = points.copy()
+    points[100] = np.random.default_rng(7).uniform(5.0, 50.0, points[100].shape)
+    residuals, told, fits = watched(points)
+    assert told[100].all()
+    assert not fits[100].any()
+    assert np.isnan(residuals[100]).all()
+    assert fits[101].all()
+
+
+def test_names_are_those_under_which_points_came(points):
+    """Whole numbers of the user's. A feature that is not in the map is not told of; a refused frame changes nothing."""
+    filter, names = OnlineEstimator(SIGMA), 100 + 7 * np.arange(M)
+    for k in range(50):
+        filter.update(float(k), points[k, :-1], names=names[:-1])
+    assert filter.residuals().names.tolist() == names[:-1].tolist()
+    filter.update(50.0, points[50][::-1], names=names[::-1])
+    assert filter.residuals().names.tolist() == names[-2::-1].tolist()
+    before = filter.residuals()
+    with pytest.raises(ValueError, match="time"):
+        filter.update(50.0, points[51])
+    np.testing.assert_array_equal(filter.residuals().residual, before.residual)
+    filter.update(51.0, [])
+    assert len(filter.residuals().names) == 0

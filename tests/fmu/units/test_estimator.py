@@ -99,6 +99,11 @@ def test_it_is_the_filter_that_python_calls(watched, started, orbit):
     found = unit["body.covariances"].reshape(-1, 6)[known.names]
     np.testing.assert_allclose(found, upper, rtol=1e-3, atol=1e-3 * np.abs(upper).max())
     np.testing.assert_array_equal(np.flatnonzero(unit["body.known"]), np.sort(known.names))
+    sight = alone.residuals()
+    assert unit["sight.time"] == 159 * PERIOD
+    np.testing.assert_allclose(unit["sight.residuals"].reshape(-1, 3)[sight.names], sight.residual, atol=1e-9)
+    np.testing.assert_array_equal(np.flatnonzero(unit["sight.fits"]), np.sort(sight.names[sight.fits]))
+    np.testing.assert_array_equal(np.flatnonzero(unit["sight.rejected"]), np.sort(sight.names[~sight.fits]))
 
 
 def tumbles(unit, alone):
