@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, SHORT_NODE_ANGLE, Attitudes, Rotation
 from baryscope.estimator.dynamics.torque import LastingTorque
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -200,7 +200,7 @@ class PredictedBody:
         b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
         begin, end = self.path.begin, self.path.end
-        motion = self.rotation.at(np.array([begin, end]))
+        motion = self.rotation.at(np.array([begin, end]), SHORT_NODE_ANGLE)
         state, covariance = np.empty((len(time), 6)), np.empty((len(time), 6, 6))
         before, after = time < begin, time > end
         for part, one in ((before, motion.at(np.array([begin]))), (after, motion.at(np.array([end])))):

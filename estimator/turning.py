@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.growth import rotation_growth
 from baryscope.estimator.dynamics.many_bodies import motions
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation, diverged
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, SHORT_NODE_ANGLE, Attitudes, Rotation, diverged
 from baryscope.estimator.dynamics.torque import LastingTorque, Torque
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.models.errors import ComputationError, Reason
@@ -103,9 +103,9 @@ class TurningPoint:
         went = ways @ others.T
         changes = ways @ root.T
         self._refuse_too_many_turns(changes, time)
-        motion, count = self.rotation.at(time), by_path.shape[2]
+        motion, count = self.rotation.at(time, SHORT_NODE_ANGLE), by_path.shape[2]
         own = self._with_axis(changes, went[:, count:])
-        arms = self._arms(changes, self.b + own, time)
+        arms = self._arms(changes, self.b + own, motion)
         members = arms + np.moveaxis(by_path @ went[:, :count].T, 2, 0)
         carried_on = _turned(changes[:, :3], own)
         members[:, :, :3] -= ((carried_on - went[:, count:]) @ self.rotation.attitude.T)[:, None]  # as the path has it
@@ -128,7 +128,8 @@ class TurningPoint:
             return np.zeros((len(time), 6)), np.zeros((len(time), 6, 6))
         epoch = self.rotation.epoch
         ends = min(epoch, float(time.min())), max(epoch, float(time.max()))
-        pushed = replace(self.rotation, torque=Torque.constant(self.lasting.mean, *ends)).at(time)
+        torque = Torque.constant(self.lasting.mean, *ends)
+        pushed = replace(self.rotation, torque=torque).at(time, SHORT_NODE_ANGLE)
         moved, by_motion, _ = carried(pushed.attitude, pushed.rate, self.b)
         own = slice(RATE_AND_INERTIA, None)
         response = np.concatenate([pushed.turn[:, :, own], pushed.rate_sensitivity[:, :, own]], axis=1)
@@ -178,11 +179,14 @@ class TurningPoint:
         """The rotations of members, of changes (m, 11)."""
         return [self.changed(*np.split(one, [3, 6])) for one in changes]
 
-    def _arms(self, changes: FloatArray, b: FloatArray, time: FloatArray) -> FloatArray:
-        """Position and velocity (m, n, 6) in C from the centre of mass of members: changes (m, 11), points b (m, 3)."""
-        arms, left = np.empty((len(changes), len(time), 6)), np.arange(len(changes))
+    def _arms(self, changes: FloatArray, b: FloatArray, motion: Attitudes) -> FloatArray:
+        """Position and velocity (m, n, 6) in C from the centre of mass of members: changes (m, 11), points b (m, 3).
+
+        motion: at the n times, of none of these changes.
+        """
+        arms, left = np.empty((len(changes), len(motion.time), 6)), np.arange(len(changes))
         for share in SHORTER:
-            R, rate, followed = motions(self._members(share * changes[left]), time)
+            R, rate, followed = motions(self._members(share * changes[left]), self.rotation, motion)
             done = left[followed]
             arms[done] = arm_of(R[followed], rate[followed], b[done, None])
             left = left[~followed]

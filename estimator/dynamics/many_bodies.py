@@ -1,4 +1,8 @@
-"""The free tumbles of many bodies at once, from one epoch: members of a posterior, far away from the tracks."""
+"""The free tumbles of many bodies at once, from one epoch: members of a posterior, far away from the tracks.
+
+Their steps are long. What these do wrong to the body in their middle, whose exact motion is known, they do nearly alike
+to all that turn about as fast, and it is taken from these.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.euler import rate_columns, step_columns
-from baryscope.estimator.dynamics.rotation import Rotation, motion_between
+from baryscope.estimator.dynamics.rotation import Attitudes, Rotation, motion_between
 from baryscope.estimator.geometry.alignment import quaternion_from_matrix
 
 FloatArray = NDArray[np.float64]
@@ -17,23 +21,40 @@ AT_ONCE = 200_000  # nodes of all bodies together: a hundred megabytes
 COARSER = 2.0  # times as far from node to node as elsewhere: members need no more than 1e-5 rad
 
 
-def motions(bodies: Sequence[Rotation], time: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Attitudes (m, n, 3, 3) R_C_B and rates (m, n, 3) of m bodies at times (n,) in s on one side of their epoch.
+def motions(bodies: Sequence[Rotation], middle: Rotation, known: Attitudes) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Attitudes (m, n, 3, 3) R_C_B and rates (m, n, 3) of m bodies at the times (n,) of `known`, which are on one side
+    of their epoch.
 
     That, and the orbit whose gravity turns them, is the same for all, and no further torque acts. Bodies whose nodes
     may be nearly as far apart are integrated together. Also (m,), whether each could be followed.
+
+    Args:
+        bodies: m of them.
+        middle: the body about which they are.
+        known: its motion.
     """
+    time = known.time
     m, far = len(bodies), float(time[np.argmax(np.abs(time - bodies[0].epoch))] - bodies[0].epoch)
     R, rate, followed = np.full((m, len(time), 3, 3), np.nan), np.full((m, len(time), 3), np.nan), np.zeros(m, bool)
-    steps = np.array([abs(far) / one.longest_step / COARSER if one.reaches(time) else np.nan for one in bodies])
-    alike = np.ceil(np.log2(np.maximum(steps, 1.0)))
+    every = [*bodies, middle]
+    steps = np.array([abs(far) / one.longest_step / COARSER if one.reaches(time) else np.nan for one in every])
+    steps, of_middle = np.maximum(steps[:-1], 1.0), max(float(steps[-1]), 1.0)
+    alike = np.round(np.log2(steps / of_middle))
     for one in np.unique(alike[np.isfinite(steps)]):
         group = np.flatnonzero(alike == one)
-        nodes = int(np.ceil(max(steps[group].max(), 1.0)))
+        nodes = int(np.ceil(max(steps[group].max(), of_middle if one == 0 else 1.0)))
         for some in np.array_split(group, np.ceil(len(group) * (nodes + 1) / AT_ONCE)):
-            R[some], rate[some] = _followed([bodies[k] for k in some], nodes, far, time)
+            found = _followed([*(bodies[k] for k in some), middle], nodes, far, time)
+            if one == 0:
+                found = _mended(*found, known)
+            R[some], rate[some] = (values[: len(some)] for values in found)
             followed[some] = np.isfinite(R[some]).all(axis=(1, 2, 3))
     return R, rate, followed
+
+
+def _mended(R: FloatArray, rate: FloatArray, known: Attitudes) -> tuple[FloatArray, FloatArray]:
+    """Attitudes (m, n, 3, 3) and rates (m, n, 3) without what is wrong with those of the last body, which are known."""
+    return R @ (np.swapaxes(R[-1], 1, 2) @ known.attitude), rate + (known.rate - rate[-1])
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -2,8 +2,8 @@
 
 The motion is integrated from the epoch to evenly spaced nodes by the steps of `euler`. Only the state is integrated
 sequentially; the sensitivities of the steps are evaluated for all steps at once and multiplied. Between nodes the
-attitude is a quintic and its sensitivity a cubic Hermite polynomial, so that the cost of the integration does not
-depend on the sampling.
+attitude is a quintic, whose slope is the rate, and its sensitivity a cubic Hermite polynomial, so that the cost of the
+integration does not depend on the sampling.
 
 Only the ratios of the inertia's elements are observable, so J has trace 1. Its five degrees of freedom are the
 coefficients of INERTIA_BASIS, a basis of the traceless symmetric matrices.
@@ -31,10 +31,11 @@ from baryscope.estimator.geometry.alignment import (
     matrix_from_quaternion,
     quaternion_from_matrix,
     quaternion_times_vector,
+    rate_of_quaternion,
     running_products,
 )
 from baryscope.estimator.geometry.so3 import exp_rotation
-from baryscope.estimator.paths.polynomials import cubic, cubic_slope_weights, cubic_weights, quintic
+from baryscope.estimator.paths.polynomials import cubic_slope_weights, cubic_weights, quintic
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.columns import evaluate
 from baryscope.models.errors import ComputationError, Reason
@@ -42,7 +43,9 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is 1e-8 to 1e-7 rad, that of the steps is less
+# rad from node to node: the interpolation's error is 1e-8 to 1e-7 rad, that of the steps is less, and in the rate it is
+# up to 1e-6 of it; with the shorter one up to 2e-8, for who asks for rates.
+NODE_ANGLE, SHORT_NODE_ANGLE = 0.5, 0.25
 NODE_PHASE = 1.0  # rad of the torque's last mode from node to node, at most
 MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
 MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate
@@ -118,21 +121,21 @@ class Rotation:
             highest = max(highest, self.torque.highest_frequency / NODE_PHASE)
         return 1 / highest if highest > 0 else np.inf
 
-    def at(self, time: FloatArray) -> "Attitudes":
-        """Attitude, rate and sensitivities at times (n,) in s, in any order.
+    def at(self, time: FloatArray, node_angle: float = NODE_ANGLE) -> "Attitudes":
+        """Attitude, rate and sensitivities at times (n,) in s, in any order; node_angle: from node to node, rad.
 
         Raises:
             ComputationError: the integration needs more than MAX_NODES nodes, or diverges.
         """
         if not self.reaches(time):
             raise too_long(float(np.linalg.norm(self.rate)), _span(self.epoch, time))
-        found = self.try_at(time)
+        found = self.try_at(time, node_angle)
         if found is None:
             raise diverged()
         return found
 
     def try_at(self, time: FloatArray, node_angle: float = NODE_ANGLE) -> "Attitudes | None":
-        """The same as `at`; None instead of an error. node_angle: from node to node, rad."""
+        """The same as `at`; None instead of an error."""
         if not self.reaches(time):
             return None
         span = float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch))
@@ -272,10 +275,11 @@ def motion_between(
     # q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q.
     first, pull = 0.5 * quaternion_times_vector(q, rate), 0.25 * np.sum(rate**2, axis=1)[:, None] * q
     second = 0.5 * quaternion_times_vector(q, change) - pull
-    q, first, second, rate, change = (one.reshape(len(nodes), -1) for one in (q, first, second, rate, change))
-    quaternion = quintic(s, left, q, h * first, h * h * second).reshape(-1, 4)
-    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-    rates = cubic(s, left, rate, h * change)
+    q, first, second = (one.reshape(len(nodes), -1) for one in (q, first, second))
+    quaternion, slope = (one.reshape(-1, 4) for one in quintic(s, left, q, h * first, h * h * second))
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    quaternion /= length
+    rates = rate_of_quaternion(quaternion, slope / (h * length))
     return matrix_from_quaternion(quaternion).reshape(len(time), *bodies, 3, 3), rates.reshape(len(time), *bodies, 3)
 
 

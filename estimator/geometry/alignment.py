@@ -176,6 +176,22 @@ def quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
     return _times_vector(q.T, v.T).T
 
 
+def rate_of_quaternion(q: FloatArray, slope: FloatArray) -> FloatArray:
+    """ω = 2 q⁻¹ ⊗ q̇ (n, 3), rad/s in B, of unit quaternions R_C_B and their derivatives (n, 4), scalar first.
+
+    What of q̇ is along q, as of a quaternion that was scaled to length 1, adds nothing.
+    """
+    (w, x, y, z), (dw, dx, dy, dz) = q.T, 2 * slope.T
+    return np.stack(
+        [
+            w * dx - x * dw - y * dz + z * dy,
+            w * dy - y * dw - z * dx + x * dz,
+            w * dz - z * dw - x * dy + y * dx,
+        ],
+        axis=1,
+    )
+
+
 def running_products(quaternions: FloatArray) -> FloatArray:
     """The products (4, n) q₀, q₀ ⊗ q₁, q₀ ⊗ q₁ ⊗ q₂, … of quaternions (4, n), scalar first: by doubling."""
     found, apart = quaternions, 1

@@ -44,13 +44,22 @@ def cubic_slope_weights(s: FloatArray) -> FloatArray:
     return np.stack([-h01, 1 - 4 * s + 3 * s * s, h01, 3 * s * s - 2 * s], axis=1)
 
 
-def quintic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray, ddf: FloatArray) -> FloatArray:
-    """The quintic through values, first and second derivatives (k, c) per interval; arguments as in `cubic`."""
+def quintic(
+    s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray, ddf: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The quintic through values, first and second derivatives (k, c) per interval; arguments as in `cubic`.
+
+    Returns (n, c) and its derivative (n, c) by s.
+    """
     s = s[:, None]
     s2, s3 = s * s, s * s * s
     s4, s5 = s2 * s2, s2 * s3
-    h0 = 10 * s3 - 15 * s4 + 6 * s5
-    value: FloatArray = (1 - h0) * f[left] + h0 * f[left + 1]
-    value += (s - 6 * s3 + 8 * s4 - 3 * s5) * df[left] + (-4 * s3 + 7 * s4 - 3 * s5) * df[left + 1]
-    value += 0.5 * (s2 - 3 * s3 + 3 * s4 - s5) * ddf[left] + 0.5 * (s3 - 2 * s4 + s5) * ddf[left + 1]
-    return value
+    h0, dh0 = 10 * s3 - 15 * s4 + 6 * s5, 30 * (s2 - 2 * s3 + s4)
+    f, f_after, df, df_after, ddf, ddf_after = f[left], f[left + 1], df[left], df[left + 1], ddf[left], ddf[left + 1]
+    value: FloatArray = (1 - h0) * f + h0 * f_after
+    value += (s - 6 * s3 + 8 * s4 - 3 * s5) * df + (-4 * s3 + 7 * s4 - 3 * s5) * df_after
+    value += 0.5 * (s2 - 3 * s3 + 3 * s4 - s5) * ddf + 0.5 * (s3 - 2 * s4 + s5) * ddf_after
+    slope: FloatArray = dh0 * (f_after - f)
+    slope += (1 - 18 * s2 + 32 * s3 - 15 * s4) * df + (-12 * s2 + 28 * s3 - 15 * s4) * df_after
+    slope += 0.5 * (2 * s - 9 * s2 + 12 * s3 - 5 * s4) * ddf + 0.5 * (3 * s2 - 8 * s3 + 5 * s4) * ddf_after
+    return value, slope
