@@ -23,11 +23,14 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.ekf.answer import answer_of
 from baryscope.estimator.ekf.densities import significance_of
 from baryscope.estimator.ekf.passes import Passes, passes
+from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
+from baryscope.estimator.ekf.rival import LikelyPasses, likely_passes
 from baryscope.estimator.ekf.start import Start, start_of, starts
 from baryscope.estimator.findings import DisagreeingClusters, Finding, FreeAttitudes, UnknownPush, WrongOrbit
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.ml.search import likeliest_tumble
+from baryscope.estimator.ml.two_models import Odds, PredictedMixture, with_other
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.error import inexact_parts
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
@@ -79,7 +82,8 @@ def estimate_by_filter(
     try:
         found, solved = _filtered(task)
         if found.converged:
-            answer = answer_of(found, begin)
+            likely = likely_passes(found)
+            found, answer = likely.best, _answer_of(likely, begin)
             on_orbit = _findings_on_orbit(task, found.problem.path)
             return replace(answer, findings=answer.findings + on_orbit + _disagreeing(task, solved, answer))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
@@ -91,6 +95,21 @@ def estimate_by_filter(
     if found is None:
         raise failure
     return answer_of(found, begin)
+
+
+def _answer_of(likely: LikelyPasses, begin: float) -> Estimate:
+    """The answer of the likelier model, with what the other one tells of the same features."""
+    answer = answer_of(likely.best, begin)
+    if likely.other is None:
+        return answer
+    if likely.alike:
+        own = answer.predictor
+        assert isinstance(own, PredictedTumble)  # noqa: S101  as an answer of passes has
+        both = PredictedMixture(own, replace(own, found=likely.other), Odds(likely.probability))
+        return replace(answer, predictor=both)
+    other = answer_of(likely.other, begin)
+    same = [one.labels for one in answer.clusters] == [one.labels for one in other.clusters]
+    return with_other(answer, other, likely.probability) if same else answer
 
 
 @dataclass(frozen=True, eq=False)

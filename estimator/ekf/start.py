@@ -18,8 +18,9 @@ from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
-from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
+from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumbles
 from baryscope.estimator.ml.maximum import MaximumAPosteriori
+from baryscope.estimator.ml.search import UNDECIDED, are_alike
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -41,7 +42,7 @@ class Start:
     nodes; rotation: the fitted tumble, and whether it explains the attitudes; attitude (n, 3, 3) R_C_B and rate (n, 3),
     rad/s in B, at the nodes; points (m, 3) in B, m; centroid (3,): the mean of the features' centroids in C, m; radius
     of the features, m; noise: standard deviation of a coordinate from the registration, m; weight (frames, m) of the
-    observations.
+    observations; rival: see there.
     """
 
     nodes: Nodes
@@ -54,6 +55,20 @@ class Start:
     radius: float
     noise: float
     weight: FloatArray
+    rival: "Rival | None" = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """The start with the other one of two gravity gradients, where attitudes do not tell which acts.
+
+    excess: −2 ln of its odds by these; alike: whether its rate and inertia are the same, so that it explains the tracks
+    as well.
+    """
+
+    start: Start
+    excess: float
+    alike: bool
 
 
 def starts(
@@ -83,11 +98,25 @@ def starts(
     if refined is not None:
         yield _start(tracks, *refined)
     variance = _noise(registered) ** 2 / unit_of(tracks)
-    tumble = fit_tumble(registered.bodies, right, variance, tracks.time, torques)
-    yield _start(tracks, tumble, registered, right)
+    tumbles = fit_tumbles(registered.bodies, right, variance, tracks.time, torques)
+    yield _start(tracks, tumbles, registered, right)
 
 
-def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:
+def _start(
+    tracks: FeatureTracks, tumbles: tuple[Tumble, ...], registered: Registered, observations: Observations
+) -> Start:
+    """The start at the likeliest of tumbles, and at the other one, if attitudes do not tell them apart."""
+    found = _start_at(tracks, tumbles[0], registered, observations)
+    if len(tumbles) < 2 or not found.explained or (excess := tumbles[1].excess - tumbles[0].excess) > UNDECIDED:
+        return found
+    if are_alike(*tumbles):
+        other = replace(found, rotation=replace(found.rotation, orbit=tumbles[1].rotation.orbit))
+        return replace(found, rival=Rival(other, excess, alike=True))
+    other = _start_at(tracks, tumbles[1], registered, observations)
+    return replace(found, rival=Rival(other, excess, alike=False))
+
+
+def _start_at(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:
     """The start at the nodes of a tumble, with the registered points about the mean of the bodies' centroids in C."""
     nodes = _nodes(tumble.rotation, tracks.time)
     attitude, rate = _followed(tumble, registered.bodies, nodes)
@@ -143,22 +172,24 @@ def _refined(
     registered: Registered,
     found: PivotSolution,
     torques: tuple[Orbit | None, ...],
-) -> tuple[Tumble, Registered, Observations] | None:
-    """The tumble of attitudes of weighted least squares, by `pivot`, the bodies, and observations with its weights.
+) -> tuple[tuple[Tumble, ...], Registered, Observations] | None:
+    """The tumbles of attitudes of weighted least squares, by `pivot`, the likeliest first, the bodies, and observations
+    with its weights.
 
-    None if it does not explain them.
+    None if the likeliest does not explain them.
     """
+    noise = found.frame_variance
     try:
-        tumble = fit_tumble(found.bodies, found.observations, found.frame_variance, tracks.time, torques, found.shifts)
+        tumbles = fit_tumbles(found.bodies, found.observations, noise, tracks.time, torques, found.shifts)
     except ComputationError:
         return None
-    if tumble.median_ratio >= EXPLAINED:
+    if tumbles[0].median_ratio >= EXPLAINED:
         return None
     origin, centroids = found.sampled.position(found.solution.x), [body.points.mean(axis=0) for body in found.bodies]
     pairs = list(zip(found.bodies, centroids, strict=True))
     bodies = tuple(replace(body, points=body.points - centroid) for body, centroid in pairs)
     origins = tuple(origin[body.frames] + body.attitude @ centroid for body, centroid in pairs)
-    return tumble, replace(registered, bodies=bodies, origins=origins), found.observations
+    return tumbles, replace(registered, bodies=bodies, origins=origins), found.observations
 
 
 def unit_of(tracks: FeatureTracks) -> float:

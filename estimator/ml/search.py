@@ -82,9 +82,9 @@ def likely_tumbles(
     excess = tumbles[1].excess - tumbles[0].excess
     if excess > UNDECIDED:
         return LikelyTumbles(tracks, pivot, best)
-    if _distance(*tumbles) < ALIKE:
+    if are_alike(*tumbles):
         other = replace(best, rotation=replace(best.rotation, orbit=tumbles[1].rotation.orbit))
-        return LikelyTumbles(tracks, pivot, best, AlternativeTumble(other, _probability(excess)))
+        return LikelyTumbles(tracks, pivot, best, AlternativeTumble(other, probability_of(excess)))
     try:
         other = _maximum(tracks, pivot, tumbles[1], options, done)
     except ComputationError:
@@ -96,12 +96,12 @@ def likely_tumbles(
     excess = _excess(best, other)
     if excess < 0:
         best, other, excess = other, best, _excess(other, best)
-    probability = _probability(excess)
+    probability = probability_of(excess)
     likely = AlternativeTumble(other, probability) if probability > UNLIKELY else None
     return LikelyTumbles(tracks, pivot, best, likely)
 
 
-def _probability(excess: float) -> float:
+def probability_of(excess: float) -> float:
     """The probability of one of two models of which this is −2 ln of the odds."""
     return float(expit(-excess / 2))
 
@@ -117,11 +117,11 @@ def _fitted(
     return tracks, pivot, tumbles
 
 
-def _distance(one: Tumble, other: Tumble) -> float:
-    """The squared distance of rate and inertia of two fits, in units of the covariance."""
+def are_alike(one: Tumble, other: Tumble) -> bool:
+    """Whether rate and inertia of two fits are the same, but for far less than their covariance."""
     rate, inertia = one.rotation.rate - other.rotation.rate, one.rotation.inertia - other.rotation.inertia
     apart = np.concatenate([rate, np.tensordot(INERTIA_BASIS, inertia)])
-    return float(apart @ one.information @ apart)
+    return bool(apart @ one.information @ apart < ALIKE)
 
 
 def _excess(best: MaximumAPosteriori, other: MaximumAPosteriori) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.adjustment.diagnostics import main_cluster, observability_of
-from baryscope.estimator.details import TumbleDetails
+from baryscope.estimator.details import FilterDetails, TumbleDetails
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.prediction import Point, Prediction, Predictor
@@ -23,7 +23,7 @@ Value = TypeVar("Value")
 
 
 def _known(value: Value | None) -> Value:
-    """What an estimate by `ml` has, though one by another method may not."""
+    """What an estimate by `ml` or `ekf` has, though one by another method may not."""
     assert value is not None  # noqa: S101
     return value
 
@@ -61,20 +61,20 @@ class PredictedMixture:
 
 
 def with_other(found: Estimate, other: Estimate, probability: float) -> Estimate:
-    """The estimate by `ml` with what another model, of a probability of at most a half, tells of the same clusters."""
+    """The estimate by `ml` or `ekf` with what another model, of a probability of at most a half, tells of the same
+    clusters.
+    """
     odds, pairs = Odds(probability), tuple(zip(found.clusters, other.clusters, strict=True))
     covariance = odds.of_both(_known(found.covariance), _known(other.covariance), other.position - found.position)
     clusters = tuple(_of_cluster(own, another, odds) for own, another in pairs)
     turn = _turn(*pairs[main_cluster(found.clusters)])
-    assert isinstance(found.details, TumbleDetails)  # noqa: S101  as those of `ml` are
-    assert isinstance(other.details, TumbleDetails)  # noqa: S101
     return replace(
         found,
         covariance=covariance,
         clusters=clusters,
         observability=observability_of(clusters, covariance),
         motion=_motion(found.motion, other.motion, turn, odds),
-        details=_details(found.details, other.details, turn, odds),
+        details=_details(found, other, covariance, turn, odds),
         predictor=PredictedMixture(_known(found.predictor), _known(other.predictor), odds),
     )
 
@@ -107,8 +107,15 @@ def _motion(own: Motion, other: Motion, turn: FloatArray, odds: Odds) -> Motion:
     return replace(own, **wider)
 
 
-def _details(own: TumbleDetails, other: TumbleDetails, turn: FloatArray, odds: Odds) -> TumbleDetails:
-    """turn (3, 3): from the axes of the other model; both have the same epoch."""
+def _details(
+    found: Estimate, another: Estimate, covariance: FloatArray, turn: FloatArray, odds: Odds
+) -> TumbleDetails | FilterDetails:
+    """covariance (n, 3, 3) of both; turn (3, 3): from the axes of the other model; both have the same epoch."""
+    own, other = found.details, another.details
+    if isinstance(own, FilterDetails):
+        return replace(own, final_covariance=covariance[-1])
+    assert isinstance(own, TumbleDetails)  # noqa: S101  as those of `ml` are
+    assert isinstance(other, TumbleDetails)  # noqa: S101
     rate = turn @ other.angular_rate - own.angular_rate
     inertia = np.linalg.norm(turn @ other.inertia @ turn.T - own.inertia)
     return replace(
