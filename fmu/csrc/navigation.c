@@ -209,8 +209,8 @@ static void axes_between(Model *model, const double *values, double time, double
     model->turned_in = span, model->axes_at = time;
 }
 
-/* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one.
-   False if the sample is refused. */
+/* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one. A
+   sample without points tells of the axes of the thrusters. False if the sample is refused. */
 static bool take_sample(Model *model, const double *values, char *message)
 {
     long long names[N_FEATURES];
@@ -231,7 +231,7 @@ static bool take_sample(Model *model, const double *values, char *message)
         else
             names[count++] = feature;
     }
-    if (count == 0) return true;
+    if (count == 0 && model->filter.frames == 0.0) return true;
     const double time = values[AT_SAMPLE_TIME] - model->started;
     double next;
     double axes[3][3];
@@ -243,6 +243,7 @@ static bool take_sample(Model *model, const double *values, char *message)
     }
     manoeuvre = manoeuvre_between(model, model->filter.time, time, axes);
     if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, &manoeuvre) != ACCEPTED) return false;
+    if (count == 0) return true;
     model->samples += 1.0, model->sighted = values[AT_SAMPLE_TIME];
     for (int k = 0; k < 3; k++) {
         model->sight[k] = 0.0;

@@ -60,7 +60,7 @@ _EQUATIONS = (
     f"the filter begins with another map. It holds up to {MOST_FEATURES} features.",
     "The chaser's thrusters may be wrong by a scale and a misalignment in the camera's axes, of the deviation "
     "filter.thrust: both are estimated from the first command on. Between samples these axes are those of the "
-    "middle, on the parabola through the last three.",
+    "middle, on the parabola through the last three; samples without points tell of them, too.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "sight.residuals tell by how much each point of the last sample is off the map, in the pose that fits best. Of a "
