@@ -261,30 +261,33 @@ static int is_over_gap(const Online *filter, const double turn[3], double span) 
     return dot(turn, turn) > 1.0 || (isfinite(filter->of_rate) && dot(filter->rate, filter->rate) * span * span > 1.0);
 }
 
-/* Give the node to the filter and begin another; with the tumble as it is predicted now. 0 if the filter has to start again. */
-static int close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
-    Frame frame;
+typedef enum { BROKEN, SOUND, TELLS_NOTHING } Closed;
+
+/* Give the node to the filter and begin another; with the tumble as it is predicted now. BROKEN if the filter has to start again,
+   TELLS_NOTHING if the map is too bad for its attitude. frame: the node as one, so long ago. */
+static Closed close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3], Frame *frame, double *ago) {
     Pose pose;
     Sweep sweep;
     Measurement measurement;
     Transition transition;
     double turn[3], T[3][3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
     note_lasting(filter);
-    double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
+    const double lag = as_frame(filter, tumble, R, frame, &sweep), time = filter->time - lag;
+    *ago = lag;
     filter->node.count = 0.0;
     PredictedAttitude predicted = {.variance = INFINITY};
     copy(R, predicted.R);
-    if (!registered(filter, &frame, &predicted, &pose)) return 1;
-    add_second_order(filter, &frame, &pose, &sweep);
-    measurement_of(filter, &frame, &pose, lag, &sweep, share, &measurement);
-    if (is_loose(&measurement)) return 1;
-    add_what_stays(filter, &frame, &pose, &measurement);
+    if (!registered(filter, frame, &predicted, &pose)) return TELLS_NOTHING;
+    add_second_order(filter, frame, &pose, &sweep);
+    measurement_of(filter, frame, &pose, lag, &sweep, share, &measurement);
+    if (is_loose(&measurement)) return TELLS_NOTHING;
+    add_what_stays(filter, frame, &pose, &measurement);
     copy(filter->R, before);
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) map[f][k] = filter->b[f][k];
     settle(filter, &transition);
     if (transition.span > 0.0) measurement.since = &transition;
-    if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &measurement)) return 0;
+    if (!update_frame(filter, frame, &pose, lag, &sweep, share, &measurement)) return BROKEN;
     map_turned(filter, map, turn);
     rotation(turn, T);
     turn_tumble(&filter->tumble, &filter->options, T);
@@ -297,6 +300,6 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     filter->of_attitude = of_attitude;
     follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, far, filter->R, measurement.turn);
     filter->turned = time;
-    extend_map(filter, &frame, lag, pose.covariance);
-    return 1;
+    extend_map(filter, frame, lag, pose.covariance);
+    return SOUND;
 }

@@ -137,6 +137,44 @@ static int is_left(const Online *filter, double time) {
     return filter->node.count > 0.0 && time - filter->registered > GAP * (filter->registered - filter->turned);
 }
 
+/* Whether the place is known less well than it would be from a frame alone, which shows the attitude better than the map's first. */
+static int is_worse_than(const Online *filter, const Frame *frame) {
+    Path path;
+    const double offset = filter->options.offset;
+    known_path(filter, &path);
+    return path.P[0][0] + path.P[1][1] + path.P[2][2] > 3.0 * offset * offset * mean_square(frame->y, frame->count) &&
+           own_attitude(frame) < filter->first_attitude;
+}
+
+/* A node that is to be a map by itself: how its points have turned since its mean time the map before has told, with its errors. */
+static void own_errors_of(const Online *filter, const double R[3][3], Frame *frame) {
+    for (int i = 0; i < frame->count; i++) {
+        double D[3][3], own[3][3], T[3][3], S[3][3];
+        if (frame->slot[i] < 0) continue;
+        const int at = FEATURES + 3 * frame->slot[i];
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) D[a][b] = (a == b) - frame->passage[i].M[a][b], own[a][b] = filter->P[at + a][at + b];
+        product(D, R, T);
+        product(T, own, S);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) frame->noise[i][a][b] += dot(S[a], T[b]);
+    }
+}
+
+/* Give the open node to the filter; 0 if it has to start again. A node that tells nothing by the map, as by one of bad depths, becomes the
+   map itself if nothing is lost by that: it is a mean of many frames. */
+static int finish_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
+    Frame mean;
+    double ago;
+    const Closed closed = close_node(filter, tumble, R, &mean, &ago);
+    if (closed != TELLS_NOTHING) return closed == SOUND;
+    own_errors_of(filter, R, &mean);
+    if (!is_better_first(filter, &mean) && !is_worse_than(filter, &mean)) return 1;
+    begin(filter, &mean, NULL);
+    filter->turned = filter->referred = filter->time - ago;
+    return 1;
+}
+
 /* Take a frame, until which manoeuvres have moved the chaser since the last one. */
 static int take_frame(Online *filter, double time, int count, const long long *names, const double *points,
                       const double *covariances, const Manoeuvre *manoeuvre) {
@@ -161,7 +199,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     }
     if (is_left(filter, time)) {
         far_enough(filter, R);
-        sound = close_node(filter, &tumble, R);
+        sound = finish_node(filter, &tumble, R);
         filter->posterior_valid = 0.0;
         predict_attitude(filter, time, &tumble, &predicted);
         read_frame(filter, predicted.R, count, names, points, covariances, &frame);
@@ -205,11 +243,12 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     filter->registered = time;
     if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);
-        sound = close_node(filter, &tumble, R);
+        sound = finish_node(filter, &tumble, R);
+        if (sound && filter->frames == 1.0) return ACCEPTED; /* with another map */
     }
     gather(filter, &frame, &pose);
     note_sightings(filter, &frame);
-    if (sound && far_enough(filter, R)) sound = close_node(filter, &tumble, R);
+    if (sound && far_enough(filter, R)) sound = finish_node(filter, &tumble, R);
     if (!sound) begin(filter, &frame, NULL);
     return ACCEPTED;
 }

@@ -296,9 +296,9 @@ typedef struct {
     Tumble tumble;
     double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
     Posterior posterior;
-    double maps; /* begun so far: each has its own axes B */
     double residuals; /* how many */
     PointResidual residual[MOST_FEATURES];
+    double maps; /* begun so far: each has its own axes B */
 } Online;
 
 typedef struct {
