@@ -4,6 +4,7 @@ Whoever changes the meaning of a field raises `FORMAT`. Arrays become lists of n
 value is not finite.
 """
 
+import math
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal
 
@@ -16,6 +17,8 @@ FORMAT = 1
 DIGITS = 5  # of a number, but for those of fields that say another number
 MORE_DIGITS = 8
 EXACT = {"digits": MORE_DIGITS}
+LARGEST = 1e15  # of what stands without a decimal point
+POWERS = np.array([float(f"1e{power}") for power in range(23)])  # of ten, as far as these are exact
 MOMENTS = {"digits": 13}  # seconds since 1970, to a tenth of a millisecond
 
 
@@ -186,17 +189,35 @@ def plain(value: Any, digits: int = DIGITS) -> Any:
     if isinstance(value, np.ndarray):
         if value.dtype.kind in "iub":
             return value.ravel().tolist()
-        return [_rounded(number, digits) for number in value.ravel().tolist()]
+        return _all_rounded(value.ravel().astype(float), digits)
     if isinstance(value, list | tuple):
         return [plain(one, digits) for one in value]
     return _rounded(value, MOMENTS["digits"]) if isinstance(value, float) else value
 
 
 def _rounded(number: float, digits: int) -> float | int | None:
-    if not np.isfinite(number):
+    if not math.isfinite(number):
         return None
     short = float(f"{number:.{digits}g}")
-    return int(short) if short == int(short) and abs(short) < 1e15 else short
+    return int(short) if short.is_integer() and abs(short) < LARGEST else short
+
+
+def _all_rounded(values: FloatArray, digits: int) -> list[float | int | None]:
+    """As `_rounded`, many times as fast: the quotient of two whole numbers is the number nearest to the decimal.
+
+    So is the product; both are exact while the power of ten is.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = digits - 1 - np.floor(np.log10(np.abs(values)))
+        near = np.abs(places) < len(POWERS)
+        power = POWERS[np.where(near, np.abs(places), 0).astype(np.intp)]
+        short = np.where(places < 0, np.round(values / power) * power, np.round(values * power) / power)
+    found: list[float | int | None] = [
+        int(one) if one.is_integer() and abs(one) < LARGEST else one for one in np.where(near, short, 0.5).tolist()
+    ]
+    for k in np.flatnonzero(~near).tolist():  # not finite, zero, or far from one
+        found[k] = _rounded(float(values[k]), digits)
+    return found
 
 
 def data_of(report: Report) -> dict[str, Any]:

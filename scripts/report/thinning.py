@@ -28,16 +28,17 @@ def extremes(y: FloatArray, most: int = CURVE) -> IntArray:
     n = len(y)
     if n <= most:
         return np.arange(n)
-    keep = [0, n - 1]
-    edges = np.linspace(0, n, most // 2 + 1).astype(int)
-    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        part = y[start:stop]
-        gaps = np.isnan(part)
-        if gaps.any():
-            keep.append(start + int(np.argmax(gaps)))
-        if not gaps.all():
-            keep += [start + int(np.nanargmin(part)), start + int(np.nanargmax(part))]
-    return np.unique(keep)
+    edges = np.linspace(0, n, most // 2 + 1).astype(np.intp)
+    place = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
+
+    def first(flags: BoolArray) -> IntArray:
+        """The first of each bin's that have the flag."""
+        found = np.flatnonzero(flags)
+        return found[np.unique(place[found], return_index=True)[1]]
+
+    least, greatest = (extreme.reduceat(y, edges[:-1])[place] for extreme in (np.fmin, np.fmax))
+    ends = np.array([0, n - 1])
+    return np.unique(np.concatenate([ends, first(np.isnan(y)), first(y == least), first(y == greatest)]))
 
 
 def shares(time: FloatArray, flags: BoolArray, bins: int = BINS) -> tuple[str, ...]:

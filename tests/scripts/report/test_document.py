@@ -227,6 +227,22 @@ def test_numbers_are_short_and_gaps_are_null():
     json.dumps(plain((np.inf, "a", (1.5,))), allow_nan=False)
 
 
+@pytest.mark.parametrize("digits", [5, 8, 13])
+def test_arrays_are_rounded_as_single_numbers_are(digits):
+    """But where a number lies half way between two decimals, of which either may be taken."""
+    rng = np.random.default_rng(7)
+    far = rng.standard_normal(4000) * 10 ** rng.uniform(-40, 40, 4000)
+    near = rng.standard_normal(4000) * 10 ** rng.uniform(-6, 6, 4000)
+    values = np.concatenate([far, near, np.round(near), [0.0, -0.0, 1e15, 99999.6, -7.0, 1e16, 1000.0]])
+    found = plain(values, digits)
+    expected = [float(f"{one:.{digits}g}") for one in values.tolist()]
+    np.testing.assert_allclose(np.array(found, dtype=float), expected, rtol=1.01 * 10.0 ** (1 - digits))
+    assert np.mean([one != other for one, other in zip(found, expected, strict=True)]) < 2e-3
+    assert max(len(repr(abs(one)).split("e")[0].replace(".", "").strip("0")) for one in found) <= digits
+    assert all(isinstance(one, int) == (one == int(one) and abs(one) < 1e15) for one in found)
+    assert plain(np.array([np.nan, -np.inf, 1.0]), digits) == [None, None, 1]
+
+
 @pytest.mark.parametrize(
     "metres, digits",
     [(3.54321e-8, "0.0000354"), (0.0, "0"), (1.23456e-4, "0.123"), (-0.016, "-16"), (12.3456, "12346"), (np.nan, "-")],
