@@ -28,7 +28,8 @@ class Series:
 
     x, y (k,): NaN in y is a gap. low, high (k,): a band around it. colour: a number of the page's palette, or ink
     for what all else is compared with. style: line, dashed, wide (for a curve that others cover), points or cross.
-    shown: whether it is at first. of (k,): for points, their places in the chart's `filter`.
+    shown: whether it is at first. of (k,): for points, their places in the chart's `filter`. total: how many points
+    there are, of which these are drawn; these are all unless given.
     """
 
     label: str
@@ -40,6 +41,7 @@ class Series:
     high: FloatArray | None = None
     shown: bool = True
     of: NDArray[np.intp] | None = None
+    total: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +110,11 @@ class Facts:
 
 @dataclass(frozen=True)
 class Words:
-    """Lines of text."""
+    """Lines of text; code: those of a program, to be copied."""
 
     title: str
     lines: tuple[str, ...]
+    code: tuple[str, ...] = ()
     kind: Literal["words"] = "words"
 
 

@@ -104,9 +104,9 @@ def _points(label: str, result: _HasResiduals, length: FloatArray, flags: BoolAr
     keep = evenly(len(frames), most)
     frames, features = frames[keep], features[keep]
     style, colour = ("cross", 3) if label == "rejected" else ("points", 5)
-    more = f", {len(keep)} of {flags.sum()} drawn" if len(keep) < flags.sum() else ""
     values = np.maximum(length[frames, features], 1e-6)
-    return Series(label + more, result.time[frames], values, colour, style, of=features)  # type: ignore[arg-type]
+    total = int(flags.sum())
+    return Series(label, result.time[frames], values, colour, style, of=features, total=total)  # type: ignore[arg-type]
 
 
 def _count(flags: BoolArray) -> str:

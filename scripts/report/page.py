@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from baryscope.models.files import AnyPath, write_together
-from baryscope.report.document import Report, data_of
+from baryscope.report.document import Part, Report, data_of, plain
 
 STYLE = "page.css"
 DRAWING = ("drawing.js", "theme.js", "chart.js", "turning.js", "moment.js", "lettering.js", "stage.js")
@@ -60,8 +61,16 @@ def palette() -> tuple[str, ...]:
 
 def html_of(report: Report) -> str:
     """The text of a report's file."""
-    data = json.dumps(data_of(report), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return page_text(report.title, data, [page_file(name) for name in SCRIPTS], [page_file(STYLE)])
+    return page_text(report.title, _json(data_of(report)), [page_file(name) for name in SCRIPTS], [page_file(STYLE)])
+
+
+def weight_of(parts: Sequence[Part]) -> int:
+    """How many bytes parts are of a report's file."""
+    return len(_json(plain(list(parts))).translate(UNSAFE).encode())
+
+
+def _json(data: Any) -> str:
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def write_page(text: str, path: AnyPath) -> Path:

@@ -167,7 +167,7 @@ function chartOf(part) {
       if (dx * dx + dy * dy < least) { least = dx * dx + dy * dy; best = k; }
     }
     if (best === null) return [];
-    return [`${part.filter[one.of[best]] ?? `feature ${one.of[best] + 1}`} ${shown(one.y[best])} (${one.label})`];
+    return [`${part.filter[one.of[best]] ?? `feature ${one.of[best] + 1}`} ${shown(one.y[best])} (${labelled(one)})`];
   }
 
   function position(event) {
@@ -209,7 +209,7 @@ function chartOf(part) {
   });
 
   const legend = part.series.map((one, index) => el("button", {
-    type: "button", class: `key ${one.style}`, style: key(one.colour), text: one.label, "aria-pressed": String(state.shown[index]),
+    type: "button", class: `key ${one.style}`, style: key(one.colour), text: labelled(one), "aria-pressed": String(state.shown[index]),
     onclick: (event) => {
       state.shown[index] = !state.shown[index];
       event.currentTarget.setAttribute("aria-pressed", String(state.shown[index]));
@@ -225,6 +225,8 @@ function chartOf(part) {
   if (part.timed) clock.follow(moveNow);
   return { nodes: [controls, picture, reading], update: render };
 }
+
+const labelled = ({ label, total, x }) => (total > x.length ? `${label}, ${x.length} of ${total} drawn` : label);
 
 function choice(name, options, pick, first = 0) {
   const list = el("select", { onchange: (event) => pick(event.currentTarget.selectedIndex) }, ...options.map((text) => el("option", { text })));
@@ -246,7 +248,7 @@ function extent(values, log) {
 function spoken(part) {
   const curves = part.series.map((one) => {
     const [low, high] = limits(one.y);
-    return `${one.label}${low === undefined ? "" : `, from ${shown(low)} to ${shown(high)}`}`;
+    return `${labelled(one)}${low === undefined ? "" : `, from ${shown(low)} to ${shown(high)}`}`;
   });
   return `${part.title}: ${part.y_label} over ${part.x_label}. ${curves.join("; ")}. Arrow keys read values.`;
 }

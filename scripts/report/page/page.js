@@ -26,13 +26,14 @@ function Facts(part) {
 }
 
 function Words(part) {
-  return [el("ul", { class: "words" }, ...part.lines.map((text) => el("li", { text })))];
+  const code = part.code.length ? [el("pre", {}, el("code", { text: part.code.join("\n") }))] : [];
+  return [el("ul", { class: "words" }, ...part.lines.map((text) => el("li", { text }))), ...code];
 }
 
 const unfolding = []; // what draws the tabs that are not yet drawn: paper has them all
 window.addEventListener("beforeprint", () => { for (const unfold of unfolding) unfold(); });
 
-function Tabs(part) {
+function Tabs(part, level) {
   const panels = part.choices.map(([name]) => el("div", { role: "tabpanel", id: newId("panel"), "aria-label": name, hidden: true }));
   const tabs = part.choices.map(([text], k) => el("button", {
     type: "button", role: "tab", id: newId("tab"), "aria-controls": panels[k].id, text, onclick: () => pick(k),
@@ -44,7 +45,7 @@ function Tabs(part) {
   function fill(index) {
     const [name, parts] = part.choices[index];
     if (panels[index].childNodes.length) return;
-    panels[index].append(el("p", { class: "only-paper", text: `${part.title}: ${name}` }), ...parts.map((inner) => section(inner, 3)));
+    panels[index].append(el("p", { class: "only-paper", text: `${part.title}: ${name}` }), ...parts.map((inner) => section(inner, Math.min(level + 1, 6))));
   }
   function pick(index) {
     panels.forEach((panel, k) => { panel.hidden = k !== index; });
@@ -59,9 +60,11 @@ function Tabs(part) {
 function section(part, level) {
   const long = part.kind === "tabs" || (part.rows && part.rows.length > 25);
   const node = el("section", { class: long ? "part long" : "part", id: newId(part.kind), "aria-label": part.title });
-  node.append(...head(part, level), ...KINDS[part.kind](part));
+  node.append(...head(part, level), ...KINDS[part.kind](part, level));
   return node;
 }
+
+const anyScene = (parts) => parts.some((part) => part.kind === "scene" || (part.choices || []).some(([, inner]) => anyScene(inner)));
 
 const report = JSON.parse(document.getElementById("data").textContent);
 const sections = report.parts.map((part) => section(part, 2));
@@ -73,7 +76,7 @@ document.getElementById("page").append(
   ...report.notes.map((text) => el("p", { text })),
   contents,
   el("main", { id: "main" }, ...sections),
-  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. ${report.parts.some((part) => part.kind === "scene") ? "Frame C: origin at the chaser, axes that do not turn. " : ""}All in this file; nothing is loaded from elsewhere.` })),
+  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. ${anyScene(report.parts) ? "Frame C: origin at the chaser, axes that do not turn. " : ""}All in this file; nothing is loaded from elsewhere.` })),
 );
 document.documentElement.dataset.ready = "true";
 window.dispatchEvent(new Event("theme"));

@@ -77,6 +77,7 @@ function Scene(part) {
     const begin = part.time[0], end = part.time[count - 1];
     let last = performance.now(), time = state.k >= count - 1 ? begin : part.time[state.k];
     const tick = (stamp) => {
+      if (!stage.canvas.offsetParent) { stop(); return; } // in a tab that is not shown any more
       time = Math.min(time + (Math.max(stamp - last, 0) / 1e3) * ((end - begin) / state.seconds), end);
       last = stamp;
       const gap = part.gaps.find((k) => part.time[k] < time && time < part.time[k + 1]);
@@ -97,8 +98,8 @@ function Scene(part) {
 
   const meaning = `The cross is the ${part.path_label}; ellipsoids are 3σ; filled features are seen, hollow ones are not, red ones are rejected.`
     + (part.every > 1.01 ? ` One of ${Math.round(part.every * 10) / 10} frames is shown.` : "");
-  clock.follow((time) => { const k = nearest(part.time, time); if (k !== state.k && state.playing === null) show(k); });
   show(0);
+  clock.follow((time) => { const k = nearest(part.time, time); if (k !== state.k && state.playing === null) show(k); });
   return [
     el("p", { class: "about", text: meaning }),
     el("div", { class: "controls", role: "group", "aria-label": "View" }, ...stage.controls),

@@ -258,13 +258,13 @@ def test_every_method_has_its_own_colour_in_pictures():
     assert all(colour in page_file("page.css").partition("}")[0] for colour in colours)
 
 
-def test_a_legend_says_how_many_residuals_are_drawn():
-    """Of many observations, an even sample."""
+def test_of_many_residuals_an_even_sample_is_drawn():
+    """How many they are stands beside; the page's legend says so."""
     rng, time = np.random.default_rng(1), np.arange(1000.0)
     turn = Rotation.from_euler("xy", 0.5 * np.sin(time[:, None] * [0.08, 0.13])).as_matrix()
     points = rng.uniform(-1, 1, (5, 3)) @ np.swapaxes(turn, 1, 2) + [1.0, -20.0, 3.0]
     tracks = FeatureTracks(time, points + 0.001 * rng.standard_normal(points.shape), "abcde")
     chart = residual_chart(estimate(tracks, method="score"))
     drawn = chart.series[0]
-    assert drawn.label == f"used, {len(drawn.x)} of 5000 drawn"
+    assert (drawn.label, drawn.total) == ("used", 5000)
     assert 1500 <= len(drawn.x) <= 3000

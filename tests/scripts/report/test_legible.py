@@ -22,7 +22,7 @@ def report():
     """Charts of times since 1970, of tiny numbers, of numbers that differ in their eighth digit, and of long names."""
     small = Series("small", TIME, 2e-5 + 1e-7 * (TIME - TIME[0]), 5)
     alike = Series("alike", TIME, 10 + 1e-6 * (TIME - TIME[0]), 4)
-    points = Series("points", TIME, np.full(100, 3.0), 5, "points", of=np.arange(100) % 12)
+    points = Series("points", TIME, np.full(100, 3.0), 5, "points", of=np.arange(100) % 12, total=5000)
     alone = Series("alone", np.arange(5.0), np.array([1.0, np.nan, 2.0, np.nan, 1.0]), 3)
     steps = Series("steps", np.repeat([1.0, 3.0, 30.0], 2), np.repeat(np.arange(4.0), 2)[1:-1] / 3, 5)
     parts = (
@@ -175,3 +175,11 @@ def test_single_points_of_a_curve_are_drawn(page):
     browser.open(path)
     length = "document.querySelector('section[aria-label=Alone] path.curve').getTotalLength()"
     assert browser.value(length) == pytest.approx(9, abs=0.2)
+
+
+def test_a_legend_says_how_many_points_are_drawn(page):
+    browser, path = page
+    browser.open(path)
+    keys = "[...document.querySelectorAll('section[aria-label={}] button.key')].map((one) => one.textContent)"
+    assert browser.value(keys.format("Points")) == ["points, 100 of 5000 drawn"]
+    assert browser.value(keys.format("Small")) == ["small"]
