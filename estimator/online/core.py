@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Self
 
+from baryscope.fmu.generate.cache import load_cached
 from baryscope.fmu.generate.codegen import c_source
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
 from baryscope.fmu.layout.platforms import host_platform
@@ -35,6 +36,7 @@ __all__ = [
     "State",
     "Thrust",
     "Tumble",
+    "at_hand",
     "build",
     "compiled",
     "library",
@@ -149,11 +151,27 @@ def compiled(folder: Path) -> Path:
     Raises:
         ComputationError: there is no C compiler, or it fails.
     """
-    platform = host_platform()
-    job = Job(sources(), MAIN, f"online{platform.suffix}", platform, tuple(find_compiler()))
+    job = _job()
     path = folder / job.output
-    path.write_bytes(compile_all([job])[platform])
+    path.write_bytes(compile_all([job])[job.platform])
     return path
+
+
+def at_hand() -> bool:
+    """Whether the core is loaded, or in the cache; else it is compiled when it is asked for, which may take a minute.
+
+    Raises:
+        ComputationError: there is no C compiler.
+    """
+    if library.cache_info().currsize:
+        return True
+    key = _job().key()
+    return key is not None and load_cached(key) is not None
+
+
+def _job() -> Job:
+    platform = host_platform()
+    return Job(sources(), MAIN, f"online{platform.suffix}", platform, tuple(find_compiler()))
 
 
 @cache

@@ -30,6 +30,22 @@ ONLINE = (
 
 def report_of_comparison(comparison: Comparison) -> Report:
     """The report of one flight and what every method makes of it."""
+    scenario, time = comparison.scenario, comparison.flight.tracks.time
+    parts, notes = parts_of_comparison(comparison)
+    return Report(
+        f"{scenario.name}: centre of mass by {counted(len(comparison.outcomes), 'method')}",
+        f"{scenario.description} – {counted(len(time), 'frame')} over {time[-1]:.0f} s, seed {scenario.run.seed}",
+        __version__,
+        parts,
+        notes=notes,
+    )
+
+
+def parts_of_comparison(comparison: Comparison, no_online: str = "") -> tuple[tuple[Part, ...], tuple[str, ...]]:
+    """The parts of that report, and sentences on what is missing in it.
+
+    no_online: why the online estimator shall not be asked, if it shall not.
+    """
     flight, scenario = comparison.flight, comparison.scenario
     tracks = flight.tracks
     table = comparison.table()
@@ -42,7 +58,8 @@ def report_of_comparison(comparison: Comparison) -> Report:
     nees = _nees(comparison)
     if nees is not None:
         parts.append(nees)
-    course = online_course(tracks, scenario.orbit.of_simulation(), scenario.sensor.noise or STEREO_SIGMA)
+    sigma = scenario.sensor.noise or STEREO_SIGMA
+    course = no_online or online_course(tracks, scenario.orbit.of_simulation(), sigma)
     if not isinstance(course, str):
         parts.append(
             course_chart(course, flight.true_path, "the truth", about=ONLINE, shades=shades, shade="nothing seen")
@@ -52,14 +69,7 @@ def report_of_comparison(comparison: Comparison) -> Report:
     first = next((k for k, one in enumerate(comparison.outcomes) if one.predicted_rmse is not None), 0)
     about = "Residuals, rejected observations, observability and options."
     parts += [Tabs("Each method", choices, about, first), _flown(flight)]
-    return Report(
-        f"{scenario.name}: centre of mass by {counted(len(comparison.outcomes), 'method')}",
-        f"{scenario.description} – {counted(len(tracks.time), 'frame')} over {tracks.time[-1]:.0f} s, seed "
-        f"{scenario.run.seed}",
-        __version__,
-        tuple(parts),
-        notes=_missing(comparison.no_bound, course),
-    )
+    return tuple(parts), _missing(comparison.no_bound, course)
 
 
 def _missing(no_bound: str, course: OnlineCourse | str) -> tuple[str, ...]:
