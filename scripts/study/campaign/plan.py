@@ -48,8 +48,13 @@ class Plan:
     def command(self) -> str:
         """What to type for it, but for the folder."""
         varied = "" if self.vary == VARIED else f" --vary {' '.join(self.vary) or 'none'}"
-        chosen = ",".join(dict.fromkeys(label.removesuffix(LVLH) for label in self.methods))
-        return f"baryscope campaign {self.source} --methods {chosen} --draws {self.draws} --seed {self.seed}{varied}"
+        chosen = f"--methods {','.join(self.names)} --draws {self.draws} --seed {self.seed}"
+        return f"baryscope campaign {self.source} {chosen}{varied}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The methods as they are asked for: `labels_of` makes their labels of them."""
+        return tuple(dict.fromkeys(label.removesuffix(LVLH) for label in self.methods))
 
     @property
     def name(self) -> str:

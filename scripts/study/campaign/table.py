@@ -19,9 +19,9 @@ def read_runs(folder: AnyPath, plan: Plan | None = None) -> pl.DataFrame:
     """The runs that have ended, a row for each run and method, by scenario (as in the plan), draw and method.
 
     Columns: scenario, case (the draw), method; rmse, max_error, predicted_rmse, body_error (m); nees_start,
-    nees_middle, nees_end and body_nees; trustworthy, rejected_share, failure; time (s); bound and bound_inliers, the
-    Cramér–Rao bound on the path's RMSE without outliers and with them (m), bound_failure; warnings; and what varies,
-    by its field.
+    nees_middle, nees_end and body_nees; trustworthy, rejected_share, failure; time (s), and flight_time, that of
+    flight and bound (s); bound and bound_inliers, the Cramér–Rao bound on the path's RMSE without outliers and with
+    them (m), bound_failure; warnings; and what varies, by its field.
     Null where a method does not say. `pandas.DataFrame(read_runs(folder).to_dict())` is the same for pandas.
 
     Args:
@@ -40,7 +40,7 @@ def read_runs(folder: AnyPath, plan: Plan | None = None) -> pl.DataFrame:
 def _long(frame: pl.DataFrame, plan: Plan) -> pl.DataFrame:
     """A row for each run and method out of a row for each run."""
     scenarios = pl.Enum([entry.name for entry in plan.entries])
-    bound, varied = pl.col("bound").struct, pl.col("varied").struct
+    bound, varied, wall = pl.col("bound").struct, pl.col("varied").struct, pl.col("wall").struct
     return pl.concat(
         [
             frame.select(
@@ -54,7 +54,8 @@ def _long(frame: pl.DataFrame, plan: Plan) -> pl.DataFrame:
                 ),
                 outcome.struct.field("trustworthy"),
                 outcome.struct.field("failure"),
-                pl.col("wall").struct.field(label).alias("time"),
+                wall.field(label).alias("time"),
+                (wall.field("flight") + wall.field("bound")).cast(pl.Float32).alias("flight_time"),
                 bound.field("path_rmse_clean").alias("bound"),
                 bound.field("path_rmse").alias("bound_inliers"),
                 bound.field("failure").alias("bound_failure"),
