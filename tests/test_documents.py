@@ -16,7 +16,7 @@ from baryscope.estimator.result import Status
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.cli import app
 from baryscope.study import pictures
-from baryscope.study.campaign import run_one
+from baryscope.study.campaign import flown, run_one
 from baryscope.study.campaign.engines import LocalEngine
 from documents import (
     FRONT,
@@ -48,11 +48,13 @@ def test_every_block_says_what_it_is(document):
 @pytest.mark.parametrize("document", sorted({*WITH_PYTHON, *WITH_COMMANDS}))
 def test_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
     """In one folder, as a reader would: what an example needs, one above it has left. Campaigns are carried out here:
-    a worker takes longer to start. Nor are the main job's pictures drawn, as tests/scripts/cli/test_main_job.py has
-    others of it drawn.
+    a worker takes longer to start. Their draws are not flown again, as tests/scripts/report/test_campaign.py has others
+    flown, nor are the main job's pictures drawn, as tests/scripts/cli/test_main_job.py has others of it drawn.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(LocalEngine, "carry_out", lambda _, cases: (run_one(case) for case in cases))
+    monkeypatch.setattr(flown, "SECONDS", 0.0)
+    monkeypatch.setattr(flown, "FURTHER", 0.0)
     for name in re.findall(r"\]\(([\w.-]+\.trc)\)", text_of(document)):  # recordings that the page offers
         shutil.copy((ROOT / document).parent / name, tmp_path)
     for command in commands(document):

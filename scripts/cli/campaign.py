@@ -51,6 +51,7 @@ def run_campaign(
     shard: str | None = None,
     restart: Annotated[bool, Parameter(negative="")] = False,
     report: Annotated[bool, Parameter(negative="")] = False,
+    flights: float | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
@@ -90,12 +91,17 @@ def run_campaign(
         Delete the runs that are there and begin anew.
     report
         Run nothing; print the tables of the runs that are there. Other options, if given, have to be those of the runs.
+    flights
+        Seconds for flying draws again, which report.html shows in 3D and over time; 0 for none. Default: 6, and 3 for
+        each further scenario, at most 60.
     output
         Folder to write to. Default: out/campaign- and the names of suite or scenarios, and of the shard.
     """
     show = show or Show()
     if workers is not None and workers < 1:
         raise InputError(f"--workers: found {workers}, expected at least 1")
+    if flights is not None and not flights >= 0:
+        raise InputError(f"--flights: found {flights:g}, expected seconds, at least 0")
     for one, other, there in (
         ("report", "restart", report and restart),
         ("workers", "scheduler", workers is not None and scheduler is not None),
@@ -112,14 +118,15 @@ def run_campaign(
         _refuse_another(folder, plan, [name for name, given in asked.items() if given is not None])
     check_outputs(campaign_paths(folder), _sources(scenario, suite))
     if report:
-        summary = report_of(folder)
+        summary = _reported(folder, flights, show)
     else:
         with alone_in(folder):
             plan = begin(folder, plan, restart=restart)
             ended = mended(folder, plan)
             missing = sum(len(part.numbers(plan.draws, ended.of(entry.name))) for entry in plan.entries)
             _remark_on_what_is_there(ended.count, missing, show)
-            summary = _carried_out(plan, folder, workers, scheduler if missing else None, part, show)
+            _carry_out(plan, folder, workers, scheduler if missing else None, part, show)
+            summary = _reported(folder, flights, show)
     _show(summary, folder, show)
 
 
@@ -143,17 +150,21 @@ def merge_folders(
         A new folder for all of them.
     """
     merge(folders, output)
-    _show(report_of(output), output, show or Show())
+    show = show or Show()
+    _show(_reported(output, None, show), output, show)
 
 
-def _carried_out(
-    plan: Plan, folder: Path, workers: int | None, scheduler: str | None, part: Shard, show: Show
-) -> "CampaignSummary":
-    """The campaign, on this machine or on a cluster."""
+def _carry_out(plan: Plan, folder: Path, workers: int | None, scheduler: str | None, part: Shard, show: Show) -> None:
+    """Run the campaign, on this machine or on a cluster."""
     with ExitStack() as stack:
         client = None if scheduler is None else stack.enter_context(connected(scheduler))
         progress = stack.enter_context(show.progress())
-        return carry_out(plan, folder, client=client, workers=workers, shard=part, progress=progress)
+        carry_out(plan, folder, client=client, workers=workers, shard=part, progress=progress)
+
+
+def _reported(folder: Path, flights: float | None, show: Show) -> "CampaignSummary":
+    with show.progress() as progress:
+        return report_of(folder, flights=flights, progress=progress)
 
 
 def _refuse_another(folder: Path, plan: Plan, asked: list[str]) -> None:

@@ -1,7 +1,8 @@
 """Campaigns: scenarios drawn many times, and how near each method comes to the Cramér–Rao bound.
 
 `plan_of` says what to run, `campaign` carries out what is missing in a folder, here or on a dask cluster, `merge` puts
-shards together, `report` reads what has ended, `read_runs` gives it as a table.
+shards together, `report` reads what has ended, `read_runs` gives it as a table. `draws` and `flown` have those draws
+that a report shows.
 """
 
 from importlib import import_module
@@ -16,12 +17,18 @@ from baryscope.study.campaign.shards import Shard, merge, shard_of
 from baryscope.study.campaign.vary import VARIED
 
 if TYPE_CHECKING:
+    from baryscope.study.campaign.flown import with_draws
     from baryscope.study.campaign.html_report import report_of_campaign
     from baryscope.study.campaign.summary import CampaignSummary
     from baryscope.study.campaign.table import read_runs
 else:
     # These need polars, which is slow to load, and workers do without: they make runs, and read none.
-    LATE = {"report_of_campaign": "html_report", "CampaignSummary": "summary", "read_runs": "table"}
+    LATE = {
+        "report_of_campaign": "html_report",
+        "with_draws": "flown",
+        "CampaignSummary": "summary",
+        "read_runs": "table",
+    }
 
     def __getattr__(name):
         if name not in LATE:
@@ -50,4 +57,5 @@ __all__ = [
     "run_one",
     "shard_of",
     "usable_cores",
+    "with_draws",
 ]

@@ -1,5 +1,7 @@
 """The report of a campaign: its tables, how errors and NEES are distributed over the draws, and draws to look at."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +49,18 @@ def report_of_campaign(summary: CampaignSummary) -> Report:
         tuple(parts),
         notes=("No run gave a result.",) if summary.failed else (),
     )
+
+
+def with_parts(report: Report, more: Mapping[str, tuple[Part, ...]], about: str) -> Report:
+    """The report of a campaign with more parts in the tabs of its scenarios, by their names."""
+
+    def extended(part: Part) -> Part:
+        if not isinstance(part, Tabs):
+            return part
+        choices = tuple((name, (*parts, *more.get(name, ()))) for name, parts in part.choices)
+        return replace(part, choices=choices, about=about)
+
+    return replace(report, parts=tuple(map(extended, report.parts)))
 
 
 def _options(summary: CampaignSummary) -> Facts:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from baryscope.models.errors import ComputationError, DiskError
 from baryscope.models.files import AnyPath, check_outputs, temporary_folder
-from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.progress import Progress, stage
 from baryscope.report import write_report
@@ -17,7 +16,7 @@ from baryscope.study.campaign.engines import ClusterEngine, Engine, LocalEngine
 from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, alone_in, begin, read_plan
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.shards import ALL, Shard
-from baryscope.study.flight import build_unit
+from baryscope.study.campaign.units import Units
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -60,7 +59,8 @@ def campaign(
     """
     folder = Path("out") / plan.name if folder is None else Path(folder)
     with alone_in(folder):
-        return carry_out(plan, folder, client=client, workers=workers, shard=shard, progress=progress)
+        carry_out(plan, folder, client=client, workers=workers, shard=shard, progress=progress)
+        return report(folder, progress=progress)
 
 
 def carry_out(
@@ -71,18 +71,19 @@ def carry_out(
     workers: int | None = None,
     shard: Shard = ALL,
     progress: Progress | None = None,
-) -> "CampaignSummary":
-    """As `campaign`, for who is alone in the folder."""
+) -> None:
+    """As `campaign`, for who is alone in the folder, and without the summary."""
     engine: Engine = LocalEngine(workers) if client is None else ClusterEngine(client)
     plan = begin(folder, plan)
     before = mended(folder, plan)
     left = {entry.name: shard.numbers(plan.draws, before.of(entry.name)) for entry in plan.entries}
     count, ended = sum(map(len, left.values())), before.count
     try:
-        with temporary_folder() as units:
+        with temporary_folder() as built:
             if count:
                 _check(plan, left, progress)
-                cases = _cases(plan, left, _units(plan, left, units, progress))
+                units = Units(built, progress)
+                cases = _cases(plan, left, {entry.name: units.of(entry) for entry in plan.entries if left[entry.name]})
                 with (
                     stage(progress, f"{counted(count, 'run')} {engine}") as share,
                     closing(engine.carry_out(cases)) as results,
@@ -103,7 +104,6 @@ def carry_out(
             raise
         kept = f"{ended} of {plan.total} runs are kept in {folder}"
         raise ComputationError(f"{error}; {kept}, and the same command goes on") from error
-    return report(folder)
 
 
 def mended(folder: Path, plan: Plan) -> "Ended":
@@ -128,15 +128,22 @@ def campaign_paths(folder: AnyPath) -> tuple[Path, ...]:
     return tuple(Path(folder) / name for name in (HEADER, RUNS, TABLE, SUMMARY, PAGE))
 
 
-def report(folder: AnyPath) -> "CampaignSummary":
+def report(folder: AnyPath, *, flights: float | None = None, progress: Progress | None = None) -> "CampaignSummary":
     """The summary of the runs that have ended, also while others go on; if there are some, in files, too.
 
     These are runs.parquet, summary.md and report.html.
 
+    Args:
+        folder: of a campaign.
+        flights: seconds in which draws are flown again for report.html; 6, and 3 for each further scenario, at most
+            60, unless given.
+        progress: told how far the work is.
+
     Raises:
         InputError: the folder holds no campaign.
     """
-    from baryscope.study.campaign.html_report import report_of_campaign  # slow to load, and workers do without
+    from baryscope.study.campaign.flown import with_draws  # slow to load, and workers do without
+    from baryscope.study.campaign.html_report import report_of_campaign
     from baryscope.study.campaign.markdown import write_summary
     from baryscope.study.campaign.summary import CampaignSummary
     from baryscope.study.campaign.table import read_runs, write_runs
@@ -148,7 +155,7 @@ def report(folder: AnyPath) -> "CampaignSummary":
         check_outputs([folder / name for name in (TABLE, SUMMARY, PAGE)], [folder / HEADER, folder / RUNS])
         write_runs(summary.runs, folder / TABLE)
         write_summary(summary, folder / SUMMARY)
-        write_report(report_of_campaign(summary), folder / PAGE)
+        write_report(with_draws(report_of_campaign(summary), summary, flights, progress), folder / PAGE)
     return summary
 
 
@@ -167,20 +174,6 @@ def _check(plan: Plan, left: Left, progress: Progress | None) -> None:
                 done += 1
                 if done % 100 == 0:
                     share(done / count)
-
-
-def _units(plan: Plan, left: Left, folder: Path, progress: Progress | None) -> dict[str, str]:
-    """A unit for each scenario; those that differ in numbers alone share one."""
-    built: dict[object, Path] = {}
-    units = {}
-    for entry in plan.entries:
-        if left[entry.name]:
-            scenario = Scenario.parse(entry.data, entry.name)  # not a draw: its numbers are compiled into the unit
-            kind = (len(scenario.features.points), scenario.forces)
-            if kind not in built:
-                built[kind] = build_unit(scenario, folder / f"{len(built)}.fmu", progress)
-            units[entry.name] = str(built[kind])
-    return units
 
 
 def _cases(plan: Plan, left: Left, units: dict[str, str]) -> Iterator[Case]:
