@@ -177,8 +177,8 @@ def _no_time(draw: _Draw, seconds: float, left: float, total: float) -> str:
     need = math.ceil(1.2 * total) + 1
     there = f"{left:.1f} s are left of {seconds:g} s for such flights" if seconds else "no such flights are asked for"
     return (
-        f"It is not flown again here: that takes about {draw.cost:.1f} s, and {there}. A report with it and those of "
-        f"the other scenarios: baryscope campaign --report --flights {need} -o . in this folder."
+        f"It is not flown again here: that takes about {draw.cost:.1f} s, and {there}. In this folder, "
+        f"baryscope campaign --report --flights {need} -o . makes a report with it."
     )
 
 
