@@ -71,10 +71,10 @@ static void make_room(Model *model)
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant acceleration would have the velocity of
+/* Remember the step from `time` to `next` with its command, which turns with LVLH, of a target that moves freely as well. One constant acceleration would have the velocity of
    that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
    both are right to second order. */
-static void remember(Model *model, const double *values, const double command[3], double time, double next)
+static void remember(Model *model, const double command[3], double time, double next)
 {
     if (model->count == MOST_PAST) make_room(model);
     Past *now = &model->past[model->count++];
@@ -86,10 +86,7 @@ static void remember(Model *model, const double *values, const double command[3]
         double acceleration[3];
         const double *arguments[] = {&moments[half], model->filter.options.orbit.elements, command};
         double *results[] = {acceleration};
-        if (values[AT_ON_ORBIT] != 0.0)
-            unit_push(arguments, results, NULL, NULL, 0);
-        else
-            memcpy(acceleration, command, sizeof acceleration);
+        unit_push(arguments, results, NULL, NULL, 0);
         displacement_by(&model->filter.options, ends[half], ends[half + 1], acceleration, now->moved);
     }
 }
@@ -386,7 +383,7 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 /* Where the filter ends with numbers that are none, as on an open orbit, it begins again: a unit on board goes on. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    remember(model, values, command_of(model, values, time, message), time - model->started, next - model->started);
+    remember(model, command_of(model, values, time, message), time - model->started, next - model->started);
     if (is_due(model, values, next, message) && !take_sample(model, values, message))
         tell(model, UNUSABLE, message, "the sample at %.17g s is not within %g m in frame C and %g s: not taken",
              values[AT_SAMPLE_TIME], FARTHEST, is_oblate(&model->filter.options) ? FARTHEST_UNDER_J2 : LATEST);

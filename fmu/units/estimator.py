@@ -44,7 +44,11 @@ _FRAMES = (
         "B, body",
         "Origin at the target's centre of mass, fixed in the target; its axes are those of C at the first sample.",
     ),
-    ("L, LVLH", "Axes of the command: x radially outward, y along-track, z along the orbit's normal."),
+    (
+        "L, LVLH",
+        "Axes of the command, by orbit.* also where onOrbit is false: x radially outward, y along-track, z along the "
+        "orbit's normal.",
+    ),
 )
 _EQUATIONS = (
     "A Kalman filter of the target's centre of mass and of its features. The attitude is free in every sample, so that "

@@ -124,7 +124,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
             "Standard deviation of what the chaser's thrusters are wrong by: scale, and rad about each axis; 0: exact",
             limits=(0.0, 1.0),
         ),
-        Variable("onOrbit", PAR, "1", "Whether the target is on the orbit below, else free", boolean=True),
+        Variable("onOrbit", PAR, "1", "Whether the target moves on the orbit below, else freely", boolean=True),
         *(orbit[name] for name in PARAMETERS),
         *FORCE_PARAMETERS[Force.J2],
         Variable(

@@ -12,6 +12,7 @@ from baryscope.estimator.online import OnlineEstimator
 from baryscope.fmu import build_fmu
 from baryscope.fmu.units import blueprint_of
 from baryscope.models.errors import InputError
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from baryscope.models.scenario import Run, Sensor, StereoRig
 from baryscope.models.sensor.directions import axes_along
@@ -251,11 +252,12 @@ def test_what_thrusters_are_wrong_by_is_no_quaternion(units, name):
 TURNS, DARK = 60, 90  # frames under thrust in which something is seen, and nothing
 
 
-def turned_by_thrust(started, seed, dark=0):
+def turned_by_thrust(started, orbit, seed, dark=0):
     """A unit whose thrusters are 2° off, on a chaser whose rate changes by 2°/s²; by what they are, and the true place.
 
-    A command holds from frame to frame; the thrusters are where a closed form has the camera's axes in the middle. The
-    target is a symmetric top that moves in a straight line but for the thrust; noise is 2 mm on each coordinate.
+    A command holds from frame to frame, in LVLH axes, though the target is on no orbit; the thrusters are where a closed
+    form has the camera's axes in the middle. The target is a symmetric top that moves in a straight line but for the
+    thrust; noise is 2 mm on each coordinate.
     """
     rng = np.random.default_rng(seed)
     wrong = np.deg2rad(2.0) * np.array([0.0, 1.0, -0.6, 0.8]) / np.sqrt(2.0)
@@ -269,30 +271,41 @@ def turned_by_thrust(started, seed, dark=0):
         unit["points"], unit["seen"] = camera.inv().apply(there), np.full(COUNT, k < 130 + TURNS)
         unit["camera.attitude"] = camera.as_quat(scalar_first=True)
         unit["sample.time"], unit["sample.number"] = k, k + 1
-        unit["chaser.acceleration"] = push
+        unit["chaser.acceleration"] = lvlh_attitude(orbit, np.array([k + 0.5]))[0].T @ push
         unit.step()
         pushed = (middle * Rotation.from_rotvec(wrong[1:]) * middle.inv()).apply(push)
         place, speed = place + speed - 0.5 * pushed, speed - pushed
     return unit, wrong, place
 
 
-def test_thrusters_are_in_the_axes_between_two_samples(started):
+def test_thrusters_are_in_the_axes_between_two_samples(started, watched):
     """Halfway between two attitudes they are where no turn of the chaser is that changes: off by four deviations.
 
     Squares over the draws are below the 99.9 % quantile of χ².
     """
     nees = []
     for seed in range(6):
-        unit, wrong, _ = turned_by_thrust(started, seed)
+        unit, wrong, _ = turned_by_thrust(started, watched.orbit, seed)
         nees.append(((unit["thrust.error"] - wrong)[3] / unit["thrust.deviation"][3]) ** 2)
     assert sum(nees) < chi2.ppf(0.999, len(nees))
 
 
-def test_thrusters_turn_with_the_chaser_where_nothing_is_seen(started):
+def test_a_command_is_in_lvlh_where_the_target_is_free_too(started, watched):
+    """It was taken for inertial axes: of 2° nothing was found, as if there were no thrust but process noise.
+
+    The claims are 8e-5 at most; 1e-3 is what the target's orbit turns LVLH by in a step.
+    """
+    unit, wrong, place = turned_by_thrust(started, watched.orbit, 0)
+    assert np.linalg.norm(unit["target.position"] - place) < 0.002
+    assert np.abs(unit["thrust.error"] - wrong).max() < 1e-3
+    assert unit["thrust.deviation"].max() < 1e-3
+
+
+def test_thrusters_turn_with_the_chaser_where_nothing_is_seen(started, watched):
     """Samples without points tell of the camera's attitude. They were passed over, so that the thrusters kept the axes
     of the last one with points: after 90 of them the centre of mass was 1.3 m off, as if nothing were known of them.
     """
     for seed in range(2):
-        unit, wrong, place = turned_by_thrust(started, seed, DARK)
+        unit, wrong, place = turned_by_thrust(started, watched.orbit, seed, DARK)
         assert np.linalg.norm(unit["target.position"] - place) < 0.01
         assert np.linalg.norm(wrong[1:]) > np.deg2rad(1.0)
