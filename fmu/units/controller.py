@@ -15,10 +15,12 @@ NAME = "ApproachController"
 USUAL = {
     "grapple.standoff": 2.0, "guidance.speed": 0.1, "guidance.rate": 0.02, "control.rate": 0.2,
     "corridor.halfAngle": np.deg2rad(20.0), "navigation.patience": 20.0, "navigation.deviation": 0.5,
+    "thrust.correction": 0.2,
 }  # fmt: skip
 """Start values that no scenario has, SI."""
 LEAST_LIMIT, RESERVE = 0.05, 1.3  # m/s², of the thrust limit, and over what it takes to go around with the body
 CLEARANCE = 0.5  # the keep-out sphere's radius over the range at which the chaser starts
+FARTHEST = 1.5  # a retreat's over that range: then the sphere is as far away as the chaser starts from the target
 
 _FRAMES = (
     ("C, chaser", "Origin at the chaser, inertial axes: the frame of target.position and target.velocity."),
@@ -41,14 +43,15 @@ _LAW = (
     "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
     "Thrusters that are wrong by thrust.error, a scale s and a rotation vector m in the camera's axes, push by (1 + s) "
     "exp([m]x) times the command: it is corrected for that, in the axes of the camera as the command acts. What was "
-    "told while navigation was valid holds on.",
+    "told while navigation was valid holds on. Of a scale or a rotation beyond thrust.correction only so much counts.",
     "Where navigation fails, the chaser coasts for navigation.patience, or where that would lead it to the keep-out "
     "sphere the law goes on by dead reckoning. Then it retreats, out of the corridor along its axis, then straight "
-    "away from the target to retreat.distance from the centre of mass and three deviations more, and rests there, "
-    "until navigation could be used for a third of the patience.",
+    "away from the target to retreat.distance from the centre of mass and three deviations more, but retreat.farthest "
+    "at most, and rests there, until navigation could be used for a third of the patience.",
     "Navigation fails where navigation.valid is false, where the keep-out sphere is nearer than three standard "
-    "deviations of target.position and one is above navigation.deviation, and, for a synchronised chaser, where the "
-    "tumble is not told any more.",
+    "deviations and what it takes to brake by thrust.limit and one deviation is above navigation.deviation, and, for a "
+    "synchronised chaser, where the tumble is not told any more. A deviation is that of target.position and that of "
+    "target.velocity over control.rate.",
     "The body is taken to tumble freely, by target.inertia, of which any multiple does. Grapple point and direction "
     "are in the body axes of target.attitude: with an estimator's, those of its map.",
 )
@@ -60,8 +63,9 @@ _USE = (
     "command.steps is 0; thrusters that wait have command.delay. It is computed for the middle of the step in which it "
     "acts: till then the body tumbles on, and the chaser with it.",
     "Before navigation could be used for the first time the command is zero, and other outputs are those of a chaser "
-    "at hold.position; but camera.attitude looks at sight.position, or while that is zero at target.position, unless "
-    "that is, too. While the chaser retreats it looks where dead reckoning has the target, or at a new sight.position.",
+    "at chaser.position0; but camera.attitude looks at sight.position, or while that is zero at target.position, "
+    "unless that is, too. While the chaser retreats it looks where dead reckoning has the target, or at a new "
+    "sight.position.",
     "What is carried on from step to step is in saved states; a reset forgets it. Without covariances the target's "
     "position counts as exact.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
@@ -105,11 +109,13 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         "target.inertia": moments / moments[:3].sum(),
         "navigation.valid": 1.0,
         **orbit_parameters(scenario.orbit),
+        "chaser.position0": known["chaser.position0"],
         "hold.position": known["chaser.position0"],
         "grapple.point": first.position,
         "command.steps": 1.0,
         "keepOut.radius": sphere,
         "retreat.distance": away,
+        "retreat.farthest": FARTHEST * away,
         "thrust.limit": max(LEAST_LIMIT, RESERVE * around),
         **USUAL,
     }

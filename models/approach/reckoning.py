@@ -84,10 +84,11 @@ SIZE = sum(SIZES)
 
 
 def believed(kept: Belief, told: Named, given: Named, R_L_I: Symbol, spin: Symbol) -> Belief:
-    """The inputs if navigation is valid, else what was kept; before there is any, a chaser at rest where it is to hold.
+    """The inputs if navigation is valid, else what was kept; before there is any, a chaser at rest where it starts.
 
     An estimator that has lost the tumble tells a valid centre of mass all the same: a chaser that turns with the body
-    then keeps what was known of it.
+    then keeps what was known of it. In a retreat inputs count without being valid where they claim less than what was
+    kept: a velocity that was wrong when navigation failed would carry the chaser away for good.
 
     Args:
         kept: from the step before.
@@ -101,18 +102,17 @@ def believed(kept: Belief, told: Named, given: Named, R_L_I: Symbol, spin: Symbo
     of_body = ca.logic_and(valid, ca.logic_or(told_tumble, ca.logic_not(given["synchronised"])))
     place = -R_L_I @ told["target.position"]
     moving = -R_L_I @ told["target.velocity"] - ca.cross(spin, place)
-    position = ca.if_else(valid, place, ca.if_else(kept.known, kept.position, given["hold.position"]))
     news = ca.norm_2(sight - kept.sight) > 0
-
-    def deviation(upper: Symbol) -> Symbol:
-        return ca.sqrt(ca.fmax(0, upper[0] + upper[3] + upper[5]))
-
+    deviation, drift = (_deviation(told[f"target.{of}Covariance"]) for of in ("position", "velocity"))
+    better = ca.logic_and(deviation > 0, deviation < kept.deviation)
+    counts = ca.logic_or(valid, ca.logic_and(kept.outage > given["navigation.patience"], better))
+    position = ca.if_else(counts, place, ca.if_else(kept.known, kept.position, given["chaser.position0"]))
     return replace(
         kept,
         position=position,
-        velocity=ca.if_else(valid, moving, kept.velocity),
-        deviation=ca.if_else(valid, deviation(told["target.positionCovariance"]), kept.deviation),
-        drift=ca.if_else(valid, deviation(told["target.velocityCovariance"]), kept.drift),
+        velocity=ca.if_else(counts, moving, kept.velocity),
+        deviation=ca.if_else(counts, deviation, kept.deviation),
+        drift=ca.if_else(counts, drift, kept.drift),
         attitude=ca.if_else(of_body, told["target.attitude"], kept.attitude),
         rate=ca.if_else(of_body, told["target.angularRate"], kept.rate),
         inertia=ca.if_else(of_body, told["target.inertia"], kept.inertia),
@@ -125,6 +125,11 @@ def believed(kept: Belief, told: Named, given: Named, R_L_I: Symbol, spin: Symbo
     )
 
 
+def _deviation(upper: Symbol) -> Symbol:
+    """Of all axes together, of a covariance in the order of UPPER."""
+    return ca.sqrt(ca.fmax(0, upper[0] + upper[3] + upper[5]))
+
+
 def tumble_known(inertia: Symbol, point: Symbol) -> Symbol:
     """Whether inertia and grapple point are: an estimator tells zeros before."""
     return ca.logic_and(inertia[0] + inertia[1] + inertia[2] > 0, ca.norm_2(point) > DIRECTED)
@@ -134,7 +139,8 @@ def outage_and_mode(belief: Belief, told: Named, given: Named, length: Symbol) -
     """The outage, s, as it will be at the step's end if all stays as it is, and the place in MODES.
 
     Navigation can be used if it is valid, if its standard deviation is at most `navigation.deviation` or the keep-out
-    sphere is CLEAR of them away, and if it tells the tumble, unless that is not needed or was never known.
+    sphere is CLEAR of them away, and where it takes the chaser to brake farther, and if it tells the tumble, unless
+    that is not needed or was never known. A wrong velocity counts by how far it leads astray.
 
     Args:
         belief: at the step's beginning.
@@ -144,9 +150,10 @@ def outage_and_mode(belief: Belief, told: Named, given: Named, length: Symbol) -
     """
     patience = given["navigation.patience"]
     longest = 2 * patience + length  # so that a retreat ends
-    margin = ca.if_else(belief.outage > patience, CLEAR_AGAIN, CLEAR) * belief.deviation
+    deviation = belief.deviation + belief.drift / given["control.rate"]
+    margin = ca.if_else(belief.outage > patience, CLEAR_AGAIN, CLEAR) * deviation + braking(belief, given)
     distance = ca.norm_2(belief.position) - given["keepOut.radius"]
-    clear = ca.logic_or(belief.deviation <= given["navigation.deviation"], distance >= margin)
+    clear = ca.logic_or(deviation <= given["navigation.deviation"], distance >= margin)
     told_tumble = tumble_known(told["target.inertia"], told["grapple.point"])
     needed = ca.logic_and(given["synchronised"], tumble_known(belief.inertia, belief.point))
     tumbles = ca.logic_or(told_tumble, ca.logic_not(needed))
@@ -156,6 +163,12 @@ def outage_and_mode(belief: Belief, told: Named, given: Named, length: Symbol) -
     outage = known * ca.if_else(usable, less, more)
     flown = ca.if_else(outage > patience, RETREAT, ca.if_else(usable, NOMINAL, RECKONING))
     return outage, ca.if_else(known, flown, WAITING)
+
+
+def braking(belief: Belief, given: Named) -> Symbol:
+    """How far the chaser goes on towards the CoM as it brakes by `thrust.limit`, m."""
+    closing = -ca.dot(belief.position, belief.velocity) / ca.fmax(ca.norm_2(belief.position), DIRECTED)
+    return ca.fmax(closing, 0) ** 2 / (2 * given["thrust.limit"])
 
 
 def drift_is_clear(belief: Belief, given: Named) -> Symbol:

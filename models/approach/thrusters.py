@@ -23,6 +23,18 @@ def command_for(wanted: Symbol, scale: Symbol, misalignment: Symbol) -> Symbol:
     return turned(wanted, -misalignment) / ca.fmax(1 + scale, DIRECTED)
 
 
+def believable(scale: Symbol, misalignment: Symbol, most: Symbol) -> tuple[Symbol, Symbol]:
+    """What is told of thrusters, cut to a size: an estimate that fails tells of thrusters that push backwards.
+
+    Args:
+        scale: s.
+        misalignment: m (3,), rad.
+        most: the largest |s| and |m| that a command is corrected for.
+    """
+    share = ca.fmin(1, most / ca.fmax(ca.norm_2(misalignment), DIRECTED))
+    return ca.fmax(ca.fmin(scale, most), -most), share * misalignment
+
+
 def sight_rate(position: Symbol, velocity: Symbol, spin: Symbol) -> Symbol:
     """Inertial angular rate of a camera that looks at the CoM and does not roll: ρ × (ρ̇ + Ω × ρ) / |ρ|², rad/s in L.
 

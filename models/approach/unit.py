@@ -28,7 +28,7 @@ from baryscope.models.approach.reckoning import (
     outage_and_mode,
     tumble_known,
 )
-from baryscope.models.approach.thrusters import command_for, sight_rate
+from baryscope.models.approach.thrusters import believable, command_for, sight_rate
 from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_matrix
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
 from baryscope.models.frames import (
@@ -107,7 +107,8 @@ def _outputs(
     )
     nominal = _goal(body, orbit, belief, parameters)
     enclosed = ca.logic_and(ca.norm_2(position_L) < radius, in_corridor(position_L, nominal, limits))
-    reach = parameters["retreat.distance"] + CLEAR * belief.deviation
+    near = parameters["retreat.distance"]
+    reach = ca.fmax(near, ca.fmin(near + CLEAR * belief.deviation, parameters["retreat.farthest"]))
 
     def aimed(goal: Goal, place: Symbol) -> Goal:
         return _either(mode == RETREAT, _retreat(goal, place, reach, enclosed), goal)
@@ -126,8 +127,9 @@ def _outputs(
     view = _view(_looked_at(belief, mode, inputs, R_I_L), R_I_L, kept.across, parameters)
     # The view acts as late by steps as the command: it turns on for the delay and half a step, L for all of the time.
     turning = sight_rate(position_L, velocity_L, _spin(orbit)) * (parameters["command.delay"] + 0.5 * length)
-    misalignment = turned(turned(R_I_L.T @ view @ belief.misalignment, turning), -_spin(orbit) * ahead)
-    told = command_for(wanted, belief.scale, misalignment)
+    scale, wrong = believable(belief.scale, belief.misalignment, parameters["thrust.correction"])
+    misalignment = turned(turned(R_I_L.T @ view @ wrong, turning), -_spin(orbit) * ahead)
+    told = command_for(wanted, scale, misalignment)
     size, limit = ca.norm_2(told), parameters["thrust.limit"]
     flies = ca.logic_not(ca.logic_or(mode == WAITING, coasts))
     share = flies * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
@@ -164,14 +166,14 @@ def _looked_at(belief: Belief, mode: Symbol, inputs: Mapping[str, Symbol], R_I_L
 
 
 def _view(seen: Symbol, R_I_L: Symbol, before: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
-    """R_C_V of a camera: z at the target, or before it is seen at where it is from `hold.position`.
+    """R_C_V of a camera: z at the target, or before it is seen at where it is from `chaser.position0`.
 
     It does not roll: x moves along z alone, from where it was before (parallel transport). Any x that depends on z only
     would leap somewhere, by more than a chaser can turn in a step. At first, and where the line of sight leaps towards
     where x was, x is normal to the orbit's normal, or to the radius within some 25° of that.
     """
-    held = -R_I_L @ parameters["hold.position"]
-    looked = ca.if_else(ca.norm_2(held) > DIRECTED, held, R_I_L[:, 0])
+    ahead = -R_I_L @ parameters["chaser.position0"]
+    looked = ca.if_else(ca.norm_2(ahead) > DIRECTED, ahead, R_I_L[:, 0])
     looked = ca.if_else(ca.norm_2(seen) > DIRECTED, seen, looked)
     z = normalised(looked)
     across = ca.if_else(ca.fabs(ca.dot(R_I_L[:, 2], z)) < ALONG, R_I_L[:, 2], R_I_L[:, 0])
@@ -285,6 +287,10 @@ def approach_table() -> tuple[Variable, ...]:
         Variable("grapple.point", IN, "m", "Grapple point from the CoM, body axes; 0 if unknown", (3,)),
         Variable("grapple.direction", IN, "1", "Direction outwards there, body axes; 0: away from the CoM", (3,)),
         *(orbit[name] for name in PARAMETERS),
+        Variable(
+            "chaser.position0", PAR, "m", "Where the chaser starts, LVLH axes: from there the camera looks at first",
+            (3,), tunable=True, axes=LVLH,
+        ),
         Variable("hold.position", PAR, "m", "Where to hold, LVLH axes", (3,), tunable=True, axes=LVLH),
         Variable(
             "synchronised", PAR, "1", "Whether the goal is before the grapple point, not hold.position",
@@ -299,12 +305,15 @@ def approach_table() -> tuple[Variable, ...]:
         tunable("navigation.patience", "s", "How long to go on by dead reckoning without navigation, before a retreat"),
         tunable(
             "navigation.deviation", "m",
-            "Standard deviation of target.position from which to retreat, if the sphere is nearer than three",
+            "Standard deviation of target.position, and of its velocity over control.rate, from which to retreat, "
+            "if the sphere is nearer than three",
         ),
         tunable("retreat.distance", "m", "Distance from the CoM to which to retreat, farther by three deviations"),
+        tunable("retreat.farthest", "m", "How far the deviations lead at most; retreat.distance if that is more"),
         tunable("command.steps", "1", "Steps until a command acts: 1 if handed on in the next step, 0 in the same"),
         tunable("command.delay", "s", "Time until a command acts on top of command.steps, as of thrusters"),
         tunable("thrust.limit", "m/s2", "Largest commanded acceleration"),
+        tunable("thrust.correction", "1", "Largest scale, and misalignment in rad, that a command is corrected for"),
         Variable(
             "command.acceleration", OUT, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH,
             discrete=True,
@@ -363,5 +372,10 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
         not_negative("navigation.patience", "s"),
         not_negative("navigation.deviation", "m"),
         not_negative("retreat.distance", "m"),
+        not_negative("retreat.farthest", "m"),
         positive("thrust.limit", "m/s2"),
+        check(
+            "thrust.correction", "0 to 0.9", "value", given["thrust.correction"],
+            ca.if_else(ca.logic_and(given["thrust.correction"] >= 0, given["thrust.correction"] <= 0.9), 1, -1),
+        ),
     )  # fmt: skip

@@ -282,6 +282,56 @@ def test_a_chaser_in_the_corridor_backs_out_of_it_with_the_body(fly):
     assert np.linalg.norm(flight["command"], axis=1).max() < LIMIT * (1 + 1e-12)
 
 
+def test_a_retreat_has_an_end(controller_fmu, opened):
+    """The worse the estimate the farther, but no more than retreat.farthest: 500 m of deviation led 1520 m away, where
+    nothing is seen and the estimate gets worse. Who is farther stays.
+    """
+    controller = opened(
+        Controller, controller_fmu, keepOut__radius=19.0, retreat__distance=20.0, retreat__farthest=30.0
+    )
+    controller["target.position"] = [0.0, 20.0, 0.0]
+    controller.step()
+    controller.set("navigation.patience", 0.0)
+    for deviation, place, goal in [(2.0, 20.0, 26.0), (5.0, 20.0, 30.0), (500.0, 20.0, 30.0), (500.0, 45.0, 45.0)]:
+        controller["target.position"] = [0.0, place, 0.0]
+        controller["target.positionCovariance"] = [deviation**2, 0.0, 0.0, 0.0, 0.0, 0.0]
+        controller.step()
+        assert controller["guidance.mode"] == RETREAT
+        assert np.linalg.norm(controller["goal.offset"]) == pytest.approx(goal - place, abs=1e-9)
+    controller.set("retreat.farthest", 5.0)
+    controller["target.position"] = [0.0, 15.0, 0.0]
+    controller.step()
+    assert np.linalg.norm(controller["goal.offset"]) == pytest.approx(20.0 - 15.0, abs=1e-9)
+
+
+def test_in_a_retreat_counts_what_is_told_if_it_claims_less(controller_fmu, opened):
+    """Navigation fails with a velocity that is wrong by 0.5 m/s, and the chaser, 20 m away, does not move: dead
+    reckoning alone has it nearer by that, for ever, and leaves by as much. An estimator that starts again tells.
+    """
+    controller = opened(Controller, controller_fmu, keepOut__radius=2.0, navigation__patience=10.0)
+
+    def told(deviation, **others):
+        controller["target.positionCovariance"] = [deviation**2, 0.0, 0.0, 0.0, 0.0, 0.0]
+        controller["target.position"] = [0.0, 20.0, 0.0]
+        for name, value in others.items():
+            controller[name.replace("__", ".")] = value
+        controller.step()
+        return controller["guidance.mode"][0], controller["keepOut.distance"][0]
+
+    told(0.3, target__velocity=[0.0, -0.5, 0.0])
+    told(0.1, navigation__valid=False, target__velocity=np.zeros(3))
+    for _ in range(18):
+        mode, distance = told(0.1)  # which cannot be trusted yet
+        assert mode == RECKONING
+    assert distance == pytest.approx(18.0 - 0.5 * 19 * STEP, abs=0.3)
+    for deviation in (0.0, 1.0):  # not told, or less known than what is carried on
+        for _ in range(2):
+            mode, distance = told(deviation)
+    assert (mode, distance) == (RETREAT, pytest.approx(18.0 - 0.5 * 23 * STEP, abs=0.6))
+    mode, distance = told(0.2)
+    assert (mode, distance) == (RETREAT, pytest.approx(18.0, abs=1e-9))
+
+
 def test_what_it_goes_on_with_is_in_saved_states_and_gone_after_a_reset(controller_fmu, opened):
     """Restored in another instance, dead reckoning goes on to the last bit."""
     one, other = (opened(Controller, controller_fmu, navigation__patience=3.0) for _ in range(2))
@@ -328,13 +378,17 @@ def test_without_navigation_yet_there_is_no_command(controller_fmu, opened):
         lambda: controller.set("guidance.speed", 0.0), "guidance.speed: found value 0, expected a value above 0"
     )
     controller.refused(lambda: controller.set("orbit.eccentricity", 0.1), "orbit.eccentricity is fixed")
-    for name in ("navigation.patience", "navigation.deviation", "retreat.distance"):
+    for name in ("navigation.patience", "navigation.deviation", "retreat.distance", "retreat.farthest"):
         controller.refused(lambda name=name: controller.set(name, -1.0), f"{name}: found value -1, expected a value of")
 
 
 def test_the_camera_looks_at_the_target_where_it_was_seen_or_where_it_will_be(controller_fmu, opened, small):
-    """z ahead; with all inputs zero, as in some masters' first step, from hold."""
-    controller = opened(Controller, controller_fmu, hold__position=[0.0, -20.0, 0.0])
+    """z ahead; with all inputs zero, as in some masters' first step, from where the chaser starts.
+
+    It was from where it is to hold: on the other side of the target the camera looked away from that for good.
+    """
+    start = [0.0, -20.0, 0.0]
+    controller = opened(Controller, controller_fmu, chaser__position0=start, hold__position=[0.0, 15.0, 0.0])
     orbit = small.orbit
     normal = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, 0.0]).as_matrix()[:, 2]
     along = Rotation.from_euler(

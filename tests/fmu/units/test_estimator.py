@@ -255,9 +255,9 @@ TURNS, DARK = 60, 90  # frames under thrust in which something is seen, and noth
 def turned_by_thrust(started, orbit, seed, dark=0):
     """A unit whose thrusters are 2° off, on a chaser whose rate changes by 2°/s²; by what they are, and the true place.
 
-    A command holds from frame to frame, in LVLH axes, though the target is on no orbit; the thrusters are where a closed
-    form has the camera's axes in the middle. The target is a symmetric top that moves in a straight line but for the
-    thrust; noise is 2 mm on each coordinate.
+    A command holds from frame to frame, in LVLH axes, though the target is on no orbit; the thrusters are where a
+    closed form has the camera's axes in the middle. The target is a symmetric top that moves in a straight line but
+    for the thrust; noise is 2 mm on each coordinate.
     """
     rng = np.random.default_rng(seed)
     wrong = np.deg2rad(2.0) * np.array([0.0, 1.0, -0.6, 0.8]) / np.sqrt(2.0)

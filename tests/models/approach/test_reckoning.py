@@ -21,6 +21,7 @@ MU = 3.986004418e14
 ORBIT = np.array([12e6, 0.3, 0.4, 0.5, 0.6, 6.0, MU])  # with the periapsis ahead
 WAITING, NOMINAL, RECKONING, RETREAT = range(len(MODES))
 STEP, PATIENCE = 1.0, 5.0
+RATE, LIMIT = 0.2, 0.05  # 1/s, of the control; m/s², of the thrusters
 
 
 def belief_with(**values):
@@ -112,11 +113,11 @@ def watch(carry):
     given = {
         name: ca.SX.sym(name)
         for name in ("navigation.patience", "navigation.deviation", "keepOut.radius", "synchronised")
-    } | {"hold.position": ca.SX([0, -20, 0])}
+    } | {"chaser.position0": ca.SX([0, -20, 0]), "control.rate": ca.SX(RATE), "thrust.limit": ca.SX(LIMIT)}
     kept, length = ca.SX.sym("kept", SIZE), ca.SX.sym("h")
     belief = believed(Belief.of(kept), told, given, ca.SX.eye(3), ca.SX.zeros(3))
     outage, mode = outage_and_mode(belief, told, given, length)
-    parameters = [value for name, value in given.items() if name != "hold.position"]
+    parameters = [value for value in given.values() if value.is_symbolic()]
     function = ca.Function(
         "watch", [kept, length, *parameters, *told.values()], [belief.column, outage, mode], {"cse": True}
     )
@@ -177,6 +178,33 @@ def test_a_position_too_uncertain_for_the_sphere_cannot_be_used(watch):
     # To end a retreat it takes ten, so that it does not go to and fro.
     assert watch([GOOD] + [valid(3.5)] * 20 + [valid(1.1)] * 20)[-1] == RETREAT
     assert watch([GOOD] + [valid(3.5)] * 20 + [valid(0.9)] * 20)[-1] == NOMINAL
+
+
+def test_a_velocity_that_is_uncertain_cannot_be_used_either(watch):
+    """In 1/RATE = 5 s 0.3 m/s lead astray by 1.5 m, with 2 m more than a third of 10 m. Nothing asked for the velocity:
+    a chaser flew on with 0.3 m/s of doubt, a metre before the target.
+    """
+
+    def valid(deviation, drift):
+        given = {"target.positionCovariance": deviation**2, "target.velocityCovariance": drift**2}
+        return GOOD | {name: [square, 0, 0, 0, 0, 0] for name, square in given.items()}
+
+    assert watch([valid(2.0, 0.25)]) == [NOMINAL]
+    assert watch([valid(2.0, 0.3)]) == [WAITING]
+    assert watch([valid(0.1, 0.07)], deviation=0.5) == [NOMINAL]
+    assert watch([valid(0.1, 0.07)] + [valid(0.1, 0.7)] * 10)[-1] == RETREAT
+
+
+def test_what_it_takes_to_brake_counts(watch):
+    """At 0.8 m/s towards the sphere 0.8²/(2 · 0.05) = 6.4 m, so that three deviations of 1.2 m are all that is left."""
+    towards = {"target.velocity": [0, -0.8, 0]}
+
+    def valid(deviation):
+        return GOOD | {"target.positionCovariance": [deviation**2, 0, 0, 0, 0, 0]}
+
+    assert watch([valid(1.1) | towards]) == [NOMINAL]
+    assert watch([valid(1.3) | towards]) == [WAITING]
+    assert watch([valid(1.3) | {"target.velocity": [0, 0.8, 0]}]) == [NOMINAL]
 
 
 def test_a_tumble_that_is_lost_counts_where_it_is_needed(watch):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.models.approach.thrusters import command_for, sight_rate
+from baryscope.models.approach.thrusters import believable, command_for, sight_rate
 
 WANTED = np.array([0.03, -0.02, 0.01])  # m/s²
 
@@ -31,6 +31,21 @@ def test_thrusters_that_push_backwards_get_a_long_command_that_is_finite(scale):
     found = command(scale, np.zeros(3))
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found / np.linalg.norm(found), WANTED / np.linalg.norm(WANTED), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("told", "counts"),
+    [
+        ([0.05, 0.02, -0.01, 0.03], [0.05, 0.02, -0.01, 0.03]),
+        ([-1.02, 0.0, 0.0, 0.0], [-0.2, 0.0, 0.0, 0.0]),
+        ([3.0, 0.0, -0.3, 0.4], [0.2, 0.0, -0.12, 0.16]),
+        ([0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]),
+    ],
+)
+def test_of_what_cannot_be_so_much_counts(told, counts):
+    """An estimate that failed told of thrusters that push backwards, and the command was the limit, anywhere."""
+    found = believable(ca.SX(told[0]), ca.SX(told[1:]), ca.SX(0.2))
+    np.testing.assert_allclose(np.array(ca.evalf(ca.vertcat(*found))).ravel(), counts, rtol=1e-15)
 
 
 def test_the_view_turns_with_the_line_of_sight():
