@@ -127,6 +127,13 @@ class Master:
         """The first unit of a model."""
         return next((unit for unit in self.units.values() if unit.model == model), None)
 
+    def source_of(self, unit: Unit, scalar: str) -> tuple[str, str] | None:
+        """The element and the output that an input of a unit is connected to; None if it is not."""
+        ends = (
+            (one, one.inputs.index(scalar)) for one in self._bundles if one.end == unit.name and scalar in one.inputs
+        )
+        return next(((one.start, one.outputs[place]) for one, place in ends), None)
+
     def step(self) -> None:
         """Step all units, then hand their outputs on.
 

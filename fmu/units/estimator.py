@@ -75,7 +75,8 @@ _EQUATIONS = (
 )
 _USE = (
     "Connect points, covariances, seen, sample.time and sample.number to StereoRig, camera.attitude to its "
-    "camera.measuredAttitude, and chaser.acceleration to what commands the chaser.",
+    "camera.measuredAttitude, and chaser.acceleration to what commands the chaser: of thrust that it is not told of, "
+    "estimates and claims are wrong.",
     "Without a rig of ours, raise sample.number by 1 with every sample.",
     "Fixed parameters are set before or in Initialization Mode, prediction.horizon also between steps.",
     "States can be saved and restored bitwise: the filter is one piece of memory of fixed size.",

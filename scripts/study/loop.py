@@ -1,6 +1,5 @@
 """The closed loop: target, rig, estimator and controller flown together on estimates alone, and what came of it."""
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +27,7 @@ from baryscope.models.words import brief
 from baryscope.progress import Progress, stage
 from baryscope.report.charts import nees_of
 from baryscope.study.flight import TRUTH_COLUMNS
+from baryscope.study.loop_warnings import warn_before, warn_of_blind_camera
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -45,6 +45,7 @@ Outputs have been handed on by then; what it sets holds in the next step.
 """
 COMMAND, MODE = "command.acceleration", "guidance.mode"
 MOST_STEPS = 10_000_000
+POINTED = 1  # the step by which a controller has pointed the camera
 TRACKING = STATUSES.index("tracking")
 
 
@@ -155,7 +156,7 @@ def fly_loop(
     pilot: Pilot | None = None,
     progress: Progress | None = None,
 ) -> Loop:
-    """Fly a system that `baryscope system` wrote. Warns of steps that are too long for the controller to be stable.
+    """Fly a system that `baryscope system` wrote. Warns of what its user will not have meant (`loop_warnings`).
 
     Args:
         path: the .ssp archive.
@@ -182,13 +183,15 @@ def fly_loop(
             if not controller.scalars("synchronised"):
                 raise InputError(f"{path}: {controller.model} has no synchronised, by which an approach begins")
             controller.set(["synchronised"], np.ones(1))
-        _warn_of_long_steps(units["controller"], master.step_size)
+        warn_before(master, units)
         count = round(length / master.step_size)
         recorder = _Recorder(units, count)
         with stage(progress, f"flying {length:.0f} s at {1 / master.step_size:g} Hz") as share:
             for index in range(count):
                 master.step()
                 recorder.take(index, master.time)
+                if index == POINTED:
+                    warn_of_blind_camera(units)
                 if pilot is not None:
                     pilot(units, master.time)
                 if index % max(1, count // 200) == 0:
@@ -204,20 +207,6 @@ def _unit(master: Master, path: AnyPath, name: str) -> Unit:
     if found is None:
         raise InputError(f"{path}: has no {MODELS[name]}, expected a system made by `baryscope system`")
     return found
-
-
-def _warn_of_long_steps(controller: Unit, step: float) -> None:
-    """The velocity of a chaser whose command is a step late follows z² − z + r h: from r h = 1 on it swings.
-
-    r is the rate at which ApproachController corrects the velocity; other controllers do not tell theirs.
-    """
-    rate = sum(float(controller.vector(name).sum()) for name in ("control.rate", "guidance.rate"))
-    if rate * step >= 1.0:
-        warnings.warn(
-            f"steps of {step:g} s: expected less than {1.0 / rate:.3g} s, one over control.rate and guidance.rate; "
-            "commands come a step late, so that the chaser swings about its goal",
-            stacklevel=3,
-        )
 
 
 Sample = tuple[float, FloatArray, FloatArray]
