@@ -140,6 +140,10 @@ def _tracked(found: dict[str, Any]) -> list[str]:
             f"second half: centre of mass within {1e3 * found['position_rmse']:.3g} mm rms, claimed "
             f"{1e3 * found['claimed_rmse']:.3g} mm, NEES {found['mean_nees']:.2f} (3 expected)"
         )
+    lines.append(
+        f"while tracking: NEES at most {found['largest_nees']:.3g}, claims too small for "
+        f"{100 * found['wrong_share']:.2g} % of the time"
+    )
     goal = "its place" if found["synchronised_since"] is None else "the point before the feature"
     lines += [
         f"last tenth: chaser at most {found['largest_miss']:.3g} m from {goal}",

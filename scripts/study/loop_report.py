@@ -14,7 +14,7 @@ from baryscope.models.words import counted
 from baryscope.report import Report
 from baryscope.report.charts import ONLINE, axis_errors, convergence_chart, curve, nees_chart
 from baryscope.report.document import Chart, Facts, Part, Scene
-from baryscope.report.estimates import coverage, feature_sheet, observability_sheet, residual_chart
+from baryscope.report.estimates import Verdict, coverage, feature_sheet, observability_sheet, residual_chart
 from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, body_points, scene_of
 from baryscope.study.loop import Loop
@@ -30,6 +30,7 @@ VERDICTS = {
     "doubtful": ("bad", "At last the estimator doubts its estimate."),
     "lost": ("bad", "At last the estimator has lost the target."),
 }
+FALSE = 0.05  # of the time of tracking, from which claims count as false: errors at neighbouring times are alike
 OPTIONS = {"of": "scenario or system", "duration": "duration, s", "step": "step, s"}
 
 
@@ -65,16 +66,31 @@ def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -
         ),
         Facts("Options", tuple((OPTIONS.get(name, name), _text(value)) for name, value in options.items())),
     ]
-    verdict = VERDICTS.get(found["status"], ("warn", f"At last the estimator is {found['status']}."))
-    if found["retreating_since"] is not None:
-        verdict = ("bad", f"{verdict[1]} The chaser retreats.")
     return Report(
         f"{options.get('of', 'A system')}: the loop on estimates alone",
         f"{loop.time[-1]:.6g} s in steps of {found['step']:g} s, {counted(len(loop.tracks.time), 'sample')} of the rig",
         found["version"],
         tuple(parts),
-        verdict,  # type: ignore[arg-type]
+        verdict_of_loop(found),
     )
+
+
+def verdict_of_loop(found: dict[str, Any]) -> Verdict:
+    """Whether what came of a flight can be used, by its summary."""
+    grade, *words = VERDICTS.get(found["status"], ("warn", f"At last the estimator is {found['status']}."))
+    if found["tracking_since"] is None:
+        grade, words = "bad", [f"The estimator never tracked the target: it is {found['status']}."]
+    if found["last_claim"] is not None and found["last_claim"] > found["last_range"]:
+        grade, words = "bad", [*words, "The centre of mass may be farther off than the target is away."]
+    if found["retreating_since"] is not None:
+        grade, words = "bad", [*words, "The chaser retreats."]
+    if found["wrong_share"] is not None and found["wrong_share"] > FALSE:
+        grade = "warn" if grade == "good" else grade
+        words = [
+            *words,
+            f"Claims were too small for {100 * found['wrong_share']:.2g} % of the time in which it tracked.",
+        ]
+    return grade, " ".join(words)  # type: ignore[return-value]
 
 
 def marks_of(loop: Loop) -> tuple[tuple[float, str], ...]:

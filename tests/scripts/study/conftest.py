@@ -3,6 +3,8 @@ from itertools import chain
 
 import pytest
 
+from baryscope.fmu.system import build_system
+from baryscope.study.loop import fly_loop
 from baryscope.study.population import command
 
 
@@ -19,3 +21,13 @@ def in_process(monkeypatch):
             yield task, pickle.loads(pickle.dumps(one(*words)))  # noqa: S301
 
     monkeypatch.setattr(command, "run", run)
+
+
+@pytest.fixture(scope="package")
+def system(envisat, tmp_path_factory):
+    return build_system(envisat, tmp_path_factory.mktemp("loop") / "chain.ssp")
+
+
+@pytest.fixture(scope="package")
+def held(system):
+    return fly_loop(system, duration=400.0)

@@ -26,16 +26,6 @@ from baryscope.study.loop_summary import QUANTITIES, summary_of
 from systems import rewritten
 
 
-@pytest.fixture(scope="module")
-def system(envisat, tmp_path_factory):
-    return build_system(envisat, tmp_path_factory.mktemp("loop") / "chain.ssp")
-
-
-@pytest.fixture(scope="module")
-def held(system):
-    return fly_loop(system, duration=400.0)
-
-
 def test_a_hold_on_estimates(held):
     """At 20 m within centimetres; the claim is true, and the command small."""
     found = summary_of(held)

@@ -2,16 +2,8 @@
 
 import warnings
 
-import pytest
-
-from baryscope.fmu.system import build_system
 from baryscope.study.loop import fly_loop
 from systems import rewritten
-
-
-@pytest.fixture(scope="module")
-def system(envisat, tmp_path_factory):
-    return build_system(envisat, tmp_path_factory.mktemp("loop") / "chain.ssp")
 
 
 def bound(name, value):
