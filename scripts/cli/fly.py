@@ -142,7 +142,7 @@ def _tracked(found: dict[str, Any]) -> list[str]:
         )
     lines.append(
         f"while tracking: NEES at most {found['largest_nees']:.3g}, claims too small for "
-        f"{100 * found['wrong_share']:.2g} % of the time"
+        f"{100 * found['wrong_share']:.3g} % of the time"
     )
     goal = "its place" if found["synchronised_since"] is None else "the point before the feature"
     lines += [

@@ -88,7 +88,7 @@ def verdict_of_loop(found: dict[str, Any]) -> Verdict:
         grade = "warn" if grade == "good" else grade
         words = [
             *words,
-            f"Claims were too small for {100 * found['wrong_share']:.2g} % of the time in which it tracked.",
+            f"Claims were too small for {100 * found['wrong_share']:.3g} % of the time in which it tracked.",
         ]
     return grade, " ".join(words)  # type: ignore[return-value]
 

@@ -22,11 +22,13 @@ def test_a_false_claim_in_the_first_half_is_told(held):
         (1e4 * held.nees[100:150] > WRONG).sum() / held.tracking.sum(), abs=0.01
     )
     assert pytest.approx(chi2.ppf(0.999, 3), rel=1e-4) == WRONG
-    assert f"while tracking: NEES at most {found['largest_nees']:.3g}, claims too small for 13 %" in "\n".join(
-        _words(found)
-    )
+    share = f"{100 * found['wrong_share']:.3g}"
+    told = f"NEES at most {found['largest_nees']:.3g}, claims too small for {share} % of the time"
+    assert f"while tracking: {told}" in "\n".join(_words(found))
     assert verdict_of_loop(honest) == ("good", "At last the estimator tracks the target.")
     assert verdict_of_loop(found)[0] == "warn"
+    never = _words(summary_of(replace(held, covariance=covariance / 1e4)))
+    assert any(line.endswith("claims too small for 100 % of the time") for line in never)
 
 
 @pytest.mark.parametrize(
