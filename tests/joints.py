@@ -36,3 +36,13 @@ def both_bodies(seed, hinge=False):
     parent, child, _ = recording(np.random.default_rng(seed), 0.001, 0.5, hinge)
     labels = (*(f"p{name}" for name in parent.labels), *(f"c{name}" for name in child.labels))
     return FeatureTracks(TIME, np.concatenate([parent.position, child.position], axis=1), labels)
+
+
+def restricted(design, covariance, wanted):
+    """The unknowns by generalised least squares, their covariance, and the logarithm of the restricted likelihood."""
+    information = design.T @ np.linalg.solve(covariance, design)
+    found = np.linalg.solve(information, design.T @ np.linalg.solve(covariance, wanted))
+    left = wanted - design @ found
+    square = left @ np.linalg.solve(covariance, left)
+    logarithm = -0.5 * (np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1] + square)
+    return found, np.linalg.inv(information), logarithm

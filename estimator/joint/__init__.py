@@ -2,7 +2,7 @@
 
 The centre is at rest in both bodies: R_T_P u + c = R_T_C v + e at all times, T the axes of the tracks, P and C those of
 parent and child. `ml` and `score` find (u, v); without a parent the room is it: the calibration of a probe's tip.
-bodies → score or noise, ml → axis → result; `find` is the way in. Uses geometry, adjustment and tracks.
+bodies → score or variances, noise, ml → axis → result; `find` is the way in. Uses geometry, adjustment and tracks.
 """
 
 from baryscope.estimator.joint.find import joint

@@ -66,7 +66,6 @@ def likeliest_slide(
     """
     design, wanted = pair.equations
     kept = clear_coefficients(pair)
-    largest = LARGEST_SLIDE * pair.child.radius
     fits: list[Fit] = []
     for axes in (pair.parent_pose[0], pair.child.rotation):
         back = np.swapaxes(axes, 1, 2)
@@ -74,11 +73,11 @@ def likeliest_slide(
         functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
         sure = [body @ one for one, body in zip(known, bodies, strict=False)]
         moved = np.einsum("kij,kj->ki", back, wanted)
-        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest, sure))
+        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, sure))
         if len(fits) == 1 or fits[1].likelihood > fits[0].likelihood:
             found = [axes @ one for one in functions]
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
-    return fits[in_child], in_child, found
+    return fits[in_child].over_variances(LARGEST_SLIDE * pair.child.radius), in_child, found
 
 
 def motion_functions(

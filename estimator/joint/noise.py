@@ -6,16 +6,17 @@ against it: it is a random combination of given functions of time. All variances
 likelihood (Patterson and Thompson, Biometrika 58, 1971), by MacKay's fixed point (Neural Computation 4, 1992): the
 squares of what is left, or of a coefficient, over how many of them are free. A band counts as one coefficient more, of
 the variance of itself and its neighbours, so that none is taken for silent that the unknowns explain. The variance of a
-group of functions may hang on the few combinations of them that the unknowns can't explain: the covariance is that over
-its posterior, log-uniform up to functions as large as anything can be.
+group of functions may hang on the few combinations of them that the unknowns can't explain, and these may be of another
+group as well: the covariance may be taken over all that the groups' variances may be together (`variances`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import dct
 
+from baryscope.estimator.joint.variances import KNOWN, UNKNOWN, possible_variances
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 ROUNDS = 100  # of spectrum and variances by turns, at most
@@ -25,10 +26,7 @@ LEAST_BAND, WIDER = 3, 1.2  # coefficients in a band at least, and the ratio of 
 ROUNDING = 1e-24  # of the squares of what is given: a variance below is rounding
 AT_FIRST = 0.3  # share of the residuals' variance that a group of functions has at first
 QUIETEST = 0.5  # variance of a band over the mean beyond the last one that is used
-KNOWN = -2  # the group of functions whose coefficients have the variance 1
 NEGLIGIBLE = 1e-6  # of the variance at first: a smaller one of a function counts as none
-STEP = 2.0  # ratio of one variance of a group to the next, over which the covariance is integrated
-MOST_STEPS, LEAST_SHARE = 24, 1e-4  # of them either way, and the share of the greatest likelihood at which they end
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +34,9 @@ class Fit:
     """Unknowns (p,), their covariance (p, p), and the noise beside them.
 
     kept (k,): which coefficients of the cosine transform are used; spectrum (k,): their variances in a coordinate;
-    locked (n, c): what keeps time with the motion; variances (g,) of the coefficients of each group of functions, over
-    all that the residuals allow where a largest one is given; likelihood: the restricted one's logarithm, up to a
-    constant.
+    locked (n, c): what keeps time with the motion; variances (g,) of the coefficients of each group of functions, and
+    squares (g,), the mean square in a coordinate of all functions of a group; likelihood: the restricted one's
+    logarithm, up to a constant; equations: the normal equations; wider: by how much the taper makes covariances larger.
     """
 
     found: FloatArray
@@ -47,7 +45,20 @@ class Fit:
     spectrum: FloatArray
     locked: FloatArray
     variances: FloatArray
+    squares: FloatArray
     likelihood: float
+    equations: "_Reduced"
+    wider: float
+
+    def over_variances(self, largest: float) -> "Fit":
+        """With the covariance, and the mean variances, over all variances of the groups that the residuals allow.
+
+        largest: rms that a group of functions may have in a coordinate at most, as what is wanted.
+        """
+        own = self.equations
+        possible = possible_variances(own.matrix, own.rhs, own.group, largest**2 / (self.squares + 1e-300))
+        covariance = self.wider * possible.about(self.found)
+        return replace(self, covariance=covariance, variances=possible.weight @ possible.variances)
 
 
 def transformed(values: FloatArray) -> FloatArray:
@@ -93,7 +104,6 @@ def restricted_likelihood(
     wanted: FloatArray,
     functions: Sequence[FloatArray],
     kept: IntArray,
-    largest: float | None = None,
     known: Sequence[FloatArray] = (),
 ) -> Fit:
     """Solve design @ x + noise = wanted from some coefficients along time.
@@ -104,8 +114,6 @@ def restricted_likelihood(
         functions: groups (n, c, q) of functions of time, each of which may be in the noise with any coefficient; those
             of a group have one variance.
         kept: (k,), ascending, which coefficients of the transform are used.
-        largest: rms that a group of functions may have in a coordinate at most, as wanted; None: the likeliest
-            variances are taken for true.
         known: groups (n, c, q) of functions in the noise whose coefficients are of the variance 1.
     """
     p = design.shape[2]
@@ -130,14 +138,9 @@ def restricted_likelihood(
         locked = locked + one @ mean[rows.group == k]
     if known:
         locked = locked + np.concatenate(known, axis=2) @ mean[rows.group == KNOWN]
-    covariance = covariance[:p, :p]
-    likely = variances.copy()
-    if largest is not None:
-        for k, ceiling in enumerate(largest**2 / (squares / wanted.size + 1e-300)):
-            growth, likely[k] = reduced.over_variance(variances, k, float(ceiling), p)
-            covariance = covariance + growth
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
-    return Fit(mean[:p], wider * covariance, kept, spectrum, locked, likely, likelihood)
+    of_unknowns, squares = wider * covariance[:p, :p], squares / wanted.size
+    return Fit(mean[:p], of_unknowns, kept, spectrum, locked, variances, squares, likelihood, reduced, wider)
 
 
 def _change(new: FloatArray, old: FloatArray) -> float:
@@ -149,8 +152,8 @@ def _change(new: FloatArray, old: FloatArray) -> float:
 class _Rows:
     """The equations along the k coefficients that are used of the cosine transform, in c coordinates.
 
-    matrix (k c, q): of unknowns and coefficients of functions; wanted (k, c); group (q,): whose coefficient it is, −1
-    for an unknown, KNOWN for one of the variance 1; ends: of the bands among the k coefficients; start: the variance of
+    matrix (k c, q): of unknowns and coefficients of functions; wanted (k, c); group (q,): whose coefficient it is, or
+    UNKNOWN, or KNOWN for one of the variance 1; ends: of the bands among the k coefficients; start: the variance of
     every band at first, that of the residuals without any functions; least: that of a band at least.
     """
 
@@ -183,7 +186,7 @@ class _Rows:
         sure = [transformed(one)[kept] for one in known]
         matrix = np.concatenate([F[kept], *groups, *sure], axis=2)
         sizes = [p, *(group.shape[2] for group in groups), sum(one.shape[2] for one in sure)]
-        owner = np.repeat([*range(-1, len(groups)), KNOWN], sizes)
+        owner = np.repeat([UNKNOWN, *range(len(groups)), KNOWN], sizes)
         return cls(matrix.reshape(-1, matrix.shape[2]), b[kept], owner, bands(len(kept)), start, least)
 
     def reduced(self, spectrum: FloatArray) -> "_Reduced":
@@ -219,7 +222,7 @@ class _Rows:
 class _Reduced:
     """Normal equations of unknowns and coefficients (q,), for a spectrum, without what is known of coefficients.
 
-    group (q,): whose coefficient it is, −1 for an unknown, KNOWN for one of the variance 1.
+    group (q,): whose coefficient it is, or UNKNOWN, or KNOWN for one of the variance 1.
     """
 
     matrix: FloatArray
@@ -240,36 +243,6 @@ class _Reduced:
         """The logarithm of their restricted likelihood, up to a constant of the spectrum, for the posterior."""
         of_groups = float(np.log(variances[self.group[self.group >= 0]]).sum())
         return 0.5 * (float(mean @ self.rhs) + float(np.linalg.slogdet(covariance)[1]) - of_groups)
-
-    def over_variance(self, variances: FloatArray, index: int, ceiling: float, p: int) -> tuple[FloatArray, float]:
-        """By how much the covariance (p, p) of the unknowns grows as a group's variance is not known, and its mean.
-
-        ceiling: its greatest variance. C is the covariance of all for the variance v; along the axes of the group's
-        part of C, of variances s, w are its columns (q,). Another variance v′ moves the mean by −w δ/(1 + δ s) wᵀ rhs
-        and the covariance by −w δ/(1 + δ s) wᵀ, with δ = 1/v′ − 1/v (Woodbury), and divides its determinant by 1 + δ s.
-        """
-        covariance = self.posterior(variances)[1]
-        own = self.group == index
-        s, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
-        s = np.clip(s, 0.0, variances[index])  # a posterior variance is between, but for rounding
-        w = covariance[:, own] @ axes
-        along = w.T @ self.rhs
-        ratio = STEP ** np.arange(-MOST_STEPS, MOST_STEPS + 1.0)
-        others = variances[index] * ratio
-        delta = (1 / others - 1 / variances[index])[:, None]
-        grown = 1 + delta * s
-        lost = delta / grown
-        gain = -0.5 * (lost @ along**2 + np.log(grown).sum(axis=1) + len(s) * np.log(ratio))
-        weight = np.exp(np.minimum(gain, 0.0))
-        ended = (others > ceiling) | (weight < LEAST_SHARE)
-        below, above = np.flatnonzero(ended[:MOST_STEPS]), np.flatnonzero(ended[MOST_STEPS + 1 :])
-        weight[: below.max(initial=-1) + 1] = 0.0
-        weight[MOST_STEPS + 1 + above.min(initial=MOST_STEPS) :] = 0.0
-        weight /= weight.sum()
-        shift = lost @ (w[:p] * along).T
-        growth = (shift.T * weight) @ shift - (w[:p] * (weight @ lost)) @ w[:p].T
-        values, vectors = np.linalg.eigh(growth)
-        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T), float(weight @ others)
 
 
 def _pooled(values: FloatArray) -> FloatArray:
