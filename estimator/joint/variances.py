@@ -3,11 +3,11 @@
 What the residuals show may be of one group of functions or of another, as functions of one motion look alike; the rest
 of each, which the unknowns explain, is then as large as the group's variance makes it. So the variances are integrated
 over together, weighted by the restricted likelihood (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973,
-for one variance). The prior: it is as likely as not that no group is there at all, each by itself. The variance of one
-that is there is log-uniform, from that with which the one combination of its functions that would show best were as
-large as its noise, as less than that changes neither unknowns nor residuals, up to functions as large as anything can
-be. (Log-uniform down to nothing is "none" by as much as one chooses to count of that; from the noise on, without
-"none", it doubles the covariance where no such function is.)
+for one variance). The prior: it is as likely as not that no group is there at all; where some may be, each is there or
+not, as likely as not. The variance of one that is there is log-uniform, from that with which the one combination of its
+functions that would show best were as large as its noise, as less than that changes neither unknowns nor residuals, up
+to functions as large as anything can be. (Log-uniform down to nothing is "none" by as much as one chooses to count of
+that; from the noise on, without "none", it doubles the covariance where no such function is.)
 
 Groups are taken out of the normal equations one after the other, each for all of its variances at once, along the axes
 of what is left of its information.
@@ -24,7 +24,8 @@ from baryscope.estimator.tracks import FloatArray, IntArray
 UNKNOWN, KNOWN = -1, -2  # the groups of the unknowns, and of functions whose coefficients have the variance 1
 ROUNDED = 1e-10  # of a group's greatest information: less is rounding
 REGULAR = 1e-14  # of the greatest eigenvalue of scaled normal equations: less is rounding, too
-NONE = 0.5  # probability that no group of functions is in the noise
+NONE = 0.5  # probability that there is no group of functions in the noise
+ABSENT = 0.5  # probability that a group is not there, where some may be
 COARSE = 8  # variances of a group that are tried to find out which count
 COMBINATIONS = 4096  # of variances that are weighted, about
 MOST, LEAST = 33, 5  # variances of a group in these
@@ -56,9 +57,8 @@ def possible_variances(matrix: FloatArray, rhs: FloatArray, group: IntArray, lar
     """
     whole, information = _Left.of(matrix, rhs, group)
     least = np.minimum(1 / np.maximum(information, 1e-300), largest)
-    groups = max(len(largest), 1)
-    tried = [_values(*ends, NONE ** (1 / groups)) for ends in zip(least, largest, strict=True)]
-    fine = max(LEAST, min(MOST, int(COMBINATIONS ** (1 / groups))))
+    tried = [_values(*ends) for ends in zip(least, largest, strict=True)]
+    fine = max(LEAST, min(MOST, int(COMBINATIONS ** (1 / max(len(largest), 1)))))
     likely = _weighted(whole.without_unknowns().over([one.variance for one in tried], information), tried)
     chosen = [_narrowed(one, likely, axis, fine) for axis, one in enumerate(tried)]
     left = whole.over([one.variance for one in chosen], information)
@@ -69,31 +69,30 @@ def possible_variances(matrix: FloatArray, rhs: FloatArray, group: IntArray, lar
 
 @dataclass(frozen=True, eq=False)
 class _Values:
-    """Variances (t,) of a group with their shares of the prior (t,).
+    """Variances (t,) of a group, the first 0, with their shares (t,) of the prior where some groups may be there.
 
-    none: that of the variance 0, which is the first; density: that of the others in the variance's logarithm.
+    density: that of the prior in the variance's logarithm.
     """
 
     variance: FloatArray
     prior: FloatArray
-    none: float
     density: float
 
 
-def _values(least: float, largest: float, none: float) -> _Values:
-    """None at all, with a probability, and a few variances from the least to the largest."""
+def _values(least: float, largest: float) -> _Values:
+    """None at all and a few variances from the least to the largest."""
     width = float(np.log(largest / least))
     if width == 0:
-        return _Values(np.array([0.0, largest]), np.array([none, 1 - none]), none, 0.0)
-    return _between(least, largest, COARSE, (1 - none) / width, none)
+        return _Values(np.array([0.0, largest]), np.array([ABSENT, 1 - ABSENT]), 0.0)
+    return _between(least, largest, COARSE, (1 - ABSENT) / width)
 
 
-def _between(least: float, largest: float, count: int, density: float, none: float) -> _Values:
-    """So many variances by the trapezoidal rule, of a prior density in their logarithm, and none at all."""
+def _between(least: float, largest: float, count: int, density: float) -> _Values:
+    """None at all and so many variances by the trapezoidal rule, of a prior density in their logarithm."""
     prior = np.full(count, density * np.log(largest / least) / (count - 1))
     prior[[0, -1]] /= 2
     variance = np.geomspace(least, largest, count)
-    return _Values(np.concatenate([[0.0], variance]), np.concatenate([[none], prior]), none, density)
+    return _Values(np.concatenate([[0.0], variance]), np.concatenate([[ABSENT], prior]), density)
 
 
 def _narrowed(tried: _Values, likely: FloatArray, axis: int, fine: int) -> _Values:
@@ -110,14 +109,16 @@ def _narrowed(tried: _Values, likely: FloatArray, axis: int, fine: int) -> _Valu
     if begin == end:
         return tried
     count = int(np.ceil(np.log(largest / least) / np.log(STEP))) + 1
-    return _between(least, largest, min(max(count, LEAST), fine), tried.density, tried.none)
+    return _between(least, largest, min(max(count, LEAST), fine), tried.density)
 
 
 def _weighted(left: "_Left", chosen: Sequence[_Values]) -> FloatArray:
     """Prior times likelihood of all combinations, along the axes of the groups, the greatest being 1."""
-    logarithm = left.likelihood.reshape([len(one.variance) for one in chosen])
+    prior = np.full([len(one.variance) for one in chosen], 1 - NONE)
     for axis, one in enumerate(chosen):
-        logarithm = logarithm + np.log(one.prior).reshape([-1 if k == axis else 1 for k in range(len(chosen))])
+        prior *= one.prior.reshape([-1 if k == axis else 1 for k in range(len(chosen))])
+    prior[(0,) * len(chosen)] += NONE
+    logarithm = left.likelihood.reshape(prior.shape) + np.log(prior)
     return np.asarray(np.exp(logarithm - logarithm.max()))
 
 

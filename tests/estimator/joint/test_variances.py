@@ -41,8 +41,7 @@ def by_quadrature(design, functions, known, wanted, largest):
         least = min(1 / np.linalg.eigvalsh(one.T @ np.linalg.solve(sure, one))[-1], most)
         inner = np.full(NODES, 1.0)
         inner[[0, -1]] = 0.5
-        none = np.sqrt(0.5)  # that of both groups is 1/2
-        prior = np.concatenate([[none], (1 - none) * inner / inner.sum()])
+        prior = np.concatenate([[0.5], 0.5 * inner / inner.sum()])
         axes.append((np.concatenate([[0.0], np.geomspace(least, most, NODES)]), prior))
     terms, logarithms = [], []
     for first, of_first in zip(*axes[0], strict=True):
@@ -51,7 +50,8 @@ def by_quadrature(design, functions, known, wanted, largest):
             mean, covariance, logarithm = restricted(design, noise, wanted)
             moments = covariance + np.outer(mean, mean)
             terms.append(np.concatenate([[first, second], moments.ravel()]))
-            logarithms.append(logarithm + np.log(of_first * of_second))
+            of_both = 0.5 * of_first * of_second + 0.5 * (first == second == 0)  # nothing is there as likely as not
+            logarithms.append(logarithm + np.log(of_both))
     weight = np.exp(np.array(logarithms) - np.max(logarithms))
     found = weight @ np.array(terms) / weight.sum()
     return found[:2], found[2:].reshape(UNKNOWNS, UNKNOWNS)
@@ -99,7 +99,7 @@ def test_what_shows_may_be_of_one_group_or_of_the_other():
     first, second, both, turned = claims
     assert both == pytest.approx(turned, rel=1e-6)
     assert second > 9 * first
-    assert 0.5 * second < both < 0.9 * second  # by less than a half, of the prior for two, and 0.71 for even odds
+    assert 0.5 * second < both < 0.9 * second  # 0.71 where both are as likely
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
