@@ -7,6 +7,7 @@ Noise of the attitudes seems to tell where on a hinge's axis the centre is. That
 `adjustment.spurious`), as if markers moved each by itself by as much as the joint's residuals are.
 What keeps time with the motion, as skin that shifts with the joint's angle, looks like a shift of the centre, and
 leaves smaller residuals than it has errors. Its variance is that of `ml`, and what least squares makes of it is added.
+The scores are without what of the residuals is likeliest to be of it, as that would count twice.
 """
 
 import numpy as np
@@ -31,13 +32,16 @@ def score(pair: Pair, told: FloatArray) -> Centre:
     inverse = told @ np.linalg.inv(told.T @ normal @ told) @ told.T
     found = inverse @ np.einsum("kij,ki->j", design, wanted)
     residual = design @ found - wanted
-    frames, _ = integrated_autocorrelation([residual])
+    fit, in_child, groups = likeliest_slide(pair, told)
+    slide = np.einsum("kij,kj->ki", pair.child.rotation if in_child else pair.parent_pose[0], fit.locked)
+    rest = residual + slide - design @ (inverse @ np.einsum("kij,ki->j", design, slide))
+    frames, _ = integrated_autocorrelation([rest])
     independent = len(residual) / frames
     spurious = SpuriousInformation.of(_spurious(pair, residual), max(int(independent), 1))
     variance = float(np.mean(residual**2)) * frames
     reach = farthest(pair.child.markers)
     free, _ = spurious_information_columns(inverse, np.zeros((6, 0)), spurious, variance / reach**2)
-    scores = np.einsum("kij,ki->kj", design, residual)
+    scores = np.einsum("kij,ki->kj", design, rest)
     memory = (frames - 1) / (frames + 1)  # of a first-order process with that integrated autocorrelation
     innovation = (scores[1:] - memory * scores[:-1]) / (1 - memory)
     meat = innovation.T @ innovation
@@ -46,7 +50,6 @@ def score(pair: Pair, told: FloatArray) -> Centre:
         meat += (1 - lag / LAGS) * (product + product.T)
     freedom = 3 * independent / max(3 * independent - 6, 1.0)
     covariance = freedom * (inverse @ meat @ inverse + variance * free @ free.T) + untold(told, reach)
-    fit, _, groups = likeliest_slide(pair, told)
     for variance_of_group, functions in zip(fit.variances, groups, strict=True):
         shift = inverse @ np.einsum("kij,kiq->jq", design, functions)
         covariance += variance_of_group * shift @ shift.T

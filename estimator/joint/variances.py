@@ -3,11 +3,11 @@
 What the residuals show may be of one group of functions or of another, as functions of one motion look alike; the rest
 of each, which the unknowns explain, is then as large as the group's variance makes it. So the variances are integrated
 over together, weighted by the restricted likelihood (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973,
-for one variance). The prior: it is as likely as not that no group is there at all; where some may be, each is there or
-not, as likely as not. The variance of one that is there is log-uniform, from that with which the one combination of its
-functions that would show best were as large as its noise, as less than that changes neither unknowns nor residuals, up
-to functions as large as anything can be. (Log-uniform down to nothing is "none" by as much as one chooses to count of
-that; from the noise on, without "none", it doubles the covariance where no such function is.)
+for one variance). The prior: each group is there or not, as likely as not. The variance of one that is there is
+log-uniform, from that with which the one combination of its functions that would show best were as large as its noise,
+as less than that changes neither unknowns nor residuals, up to functions as large as anything can be. (Log-uniform down
+to nothing is "none" by as much as one chooses to count of that; from the noise on, without "none", it doubles the
+covariance where no such function is.)
 
 Groups are taken out of the normal equations one after the other, each for all of its variances at once, along the axes
 of what is left of its information.
@@ -24,8 +24,7 @@ from baryscope.estimator.tracks import FloatArray, IntArray
 UNKNOWN, KNOWN = -1, -2  # the groups of the unknowns, and of functions whose coefficients have the variance 1
 ROUNDED = 1e-10  # of a group's greatest information: less is rounding
 REGULAR = 1e-14  # of the greatest eigenvalue of scaled normal equations: less is rounding, too
-NONE = 0.5  # probability that there is no group of functions in the noise
-ABSENT = 0.5  # probability that a group is not there, where some may be
+ABSENT = 0.5  # probability that a group of functions is not there
 COARSE = 8  # variances of a group that are tried to find out which count
 COMBINATIONS = 4096  # of variances that are weighted, about
 MOST, LEAST = 33, 5  # variances of a group in these
@@ -69,7 +68,7 @@ def possible_variances(matrix: FloatArray, rhs: FloatArray, group: IntArray, lar
 
 @dataclass(frozen=True, eq=False)
 class _Values:
-    """Variances (t,) of a group, the first 0, with their shares (t,) of the prior where some groups may be there.
+    """Variances (t,) of a group, the first 0, with their shares (t,) of the prior.
 
     density: that of the prior in the variance's logarithm.
     """
@@ -114,11 +113,9 @@ def _narrowed(tried: _Values, likely: FloatArray, axis: int, fine: int) -> _Valu
 
 def _weighted(left: "_Left", chosen: Sequence[_Values]) -> FloatArray:
     """Prior times likelihood of all combinations, along the axes of the groups, the greatest being 1."""
-    prior = np.full([len(one.variance) for one in chosen], 1 - NONE)
+    logarithm = left.likelihood.reshape([len(one.variance) for one in chosen])
     for axis, one in enumerate(chosen):
-        prior *= one.prior.reshape([-1 if k == axis else 1 for k in range(len(chosen))])
-    prior[(0,) * len(chosen)] += NONE
-    logarithm = left.likelihood.reshape(prior.shape) + np.log(prior)
+        logarithm = logarithm + np.log(one.prior).reshape([-1 if k == axis else 1 for k in range(len(chosen))])
     return np.asarray(np.exp(logarithm - logarithm.max()))
 
 

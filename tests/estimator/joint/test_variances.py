@@ -50,8 +50,7 @@ def by_quadrature(design, functions, known, wanted, largest):
             mean, covariance, logarithm = restricted(design, noise, wanted)
             moments = covariance + np.outer(mean, mean)
             terms.append(np.concatenate([[first, second], moments.ravel()]))
-            of_both = 0.5 * of_first * of_second + 0.5 * (first == second == 0)  # nothing is there as likely as not
-            logarithms.append(logarithm + np.log(of_both))
+            logarithms.append(logarithm + np.log(of_first * of_second))
     weight = np.exp(np.array(logarithms) - np.max(logarithms))
     found = weight @ np.array(terms) / weight.sum()
     return found[:2], found[2:].reshape(UNKNOWNS, UNKNOWNS)
