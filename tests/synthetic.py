@@ -168,3 +168,11 @@ def first_order(rng, shape, keep):
         return white
     begin = keep * white[:1]
     return np.concatenate([white[:1], lfilter([np.sqrt(1 - keep**2)], [1, -keep], white[1:], axis=0, zi=begin)[0]])
+
+
+def tracks_of_a_slow_tumble():
+    """Five minutes of a body that turns by half a turn: the gravity gradient turns it by less than they show."""
+    time = np.arange(0.0, 300.0, 2.0)
+    R = attitude(ENVISAT, np.deg2rad([0.5, 0.3, 0.4]), time)
+    path = np.tile([4.0, -19.0, 3.0], (len(time), 1))
+    return make_case(time, R, path, box_features(8, (4, 3, 2), seed=3), noise=0.03, seed=1).tracks

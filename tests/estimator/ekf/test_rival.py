@@ -9,14 +9,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.study.population.ahead import asked_of, missed, predicted
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
-from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
-
-
-def tracks_of_a_slow_tumble():
-    time = np.arange(0.0, 300.0, 2.0)
-    R = attitude(ENVISAT, np.deg2rad([0.5, 0.3, 0.4]), time)
-    path = np.tile([4.0, -19.0, 3.0], (len(time), 1))
-    return make_case(time, R, path, box_features(8, (4, 3, 2), seed=3), noise=0.03, seed=1).tracks
+from synthetic import Orbit, tracks_of_a_slow_tumble
 
 
 def test_tracks_that_do_not_tell_of_a_gradient_predict_for_both():

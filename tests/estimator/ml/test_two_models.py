@@ -11,7 +11,7 @@ from baryscope.estimator.ml.two_models import Odds, PredictedMixture, with_other
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prediction import Prediction
 from baryscope.study.population.second.cases import drawn, sampled
-from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+from synthetic import Orbit, tracks_of_a_slow_tumble
 
 
 class Normal:
@@ -37,13 +37,6 @@ def test_the_covariance_is_the_mean_square_distance_of_draws_from_the_answer():
     expected = (draws - means[0]).T @ (draws - means[0]) / count
     np.testing.assert_allclose(found.covariance[1], expected, atol=0.02 * np.trace(expected))
     np.testing.assert_array_equal(found.position[0], means[0, :3])
-
-
-def tracks_of_a_slow_tumble():
-    time = np.arange(0.0, 300.0, 2.0)
-    R = attitude(ENVISAT, np.deg2rad([0.5, 0.3, 0.4]), time)
-    path = np.tile([4.0, -19.0, 3.0], (len(time), 1))
-    return make_case(time, R, path, box_features(8, (4, 3, 2), seed=3), noise=0.03, seed=1).tracks
 
 
 def test_tracks_that_do_not_tell_of_a_gradient_predict_for_both():
