@@ -27,7 +27,7 @@ from baryscope.models.words import brief
 from baryscope.progress import Progress, stage
 from baryscope.report.charts import nees_of
 from baryscope.study.flight import TRUTH_COLUMNS
-from baryscope.study.loop_warnings import warn_before, warn_of_blind_camera
+from baryscope.study.loop_remarks import warn_before, warn_of_blind_camera
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -156,7 +156,7 @@ def fly_loop(
     pilot: Pilot | None = None,
     progress: Progress | None = None,
 ) -> Loop:
-    """Fly a system that `baryscope system` wrote. Warns of what its user will not have meant (`loop_warnings`).
+    """Fly a system that `baryscope system` wrote. Warns of what its user will not have meant (`loop_remarks`).
 
     Args:
         path: the .ssp archive.
