@@ -71,9 +71,9 @@ static void make_room(Model *model)
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember the step from `time` to `next` with its command, which turns with LVLH, of a target that moves freely as well. One constant acceleration would have the velocity of
-   that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
-   both are right to second order. */
+/* Remember the step from `time` to `next` with its command, which turns with LVLH, of a target that moves freely, too. One
+   constant acceleration would have the velocity of that at the end, but not the place: each half has its own, as the command
+   is a sixth of the step from its outer end; so both are right to second order. */
 static void remember(Model *model, const double command[3], double time, double next)
 {
     if (model->count == MOST_PAST) make_room(model);

@@ -6,11 +6,11 @@ static void keep_residuals(Online *filter, const Frame *frame, const Pose *pose,
     for (int i = 0; i < frame->count; i++) {
         if (frame->slot[i] < 0) continue;
         PointResidual *point = &filter->residual[(int)filter->residuals++];
-        double arm[3];
+        double arm[3], We[3];
         point->name = names[i];
         point->fits = pose && frame->fits[i];
-        if (pose) times(pose->R, filter->b[frame->slot[i]], arm);
-        for (int k = 0; k < 3; k++) point->e[k] = pose ? frame->y[i][k] - pose->c[k] - arm[k] : NAN;
+        if (pose) residual(filter, frame, pose, i, arm, point->e, We);
+        for (int k = 0; k < 3 && !pose; k++) point->e[k] = NAN;
     }
 }
 

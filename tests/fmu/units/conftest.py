@@ -1,5 +1,7 @@
 import pytest
 
+from baryscope.fmu import build_fmu
+
 
 @pytest.fixture
 def opened(tmp_path):
@@ -13,3 +15,8 @@ def opened(tmp_path):
     yield open_one
     for one in instances:
         one.fmu.freeInstance()
+
+
+@pytest.fixture(scope="module")
+def controller_fmu(small, tmp_path_factory):
+    return build_fmu(small, tmp_path_factory.mktemp("controller") / "controller.fmu", unit="controller")
