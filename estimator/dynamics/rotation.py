@@ -44,7 +44,7 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 
 # rad from node to node: the interpolation's error is 1e-8 to 1e-7 rad, that of the steps is less, and in the rate it is
-# up to 1e-6 of it; with the shorter one up to 2e-8, for who asks for rates.
+# up to 1e-6 of it; with the shorter one a thirtieth of that, for who asks for rates.
 NODE_ANGLE, SHORT_NODE_ANGLE = 0.5, 0.25
 NODE_PHASE = 1.0  # rad of the torque's last mode from node to node, at most
 MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
