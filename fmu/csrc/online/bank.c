@@ -143,23 +143,22 @@ static void copy_shares(const double from[OF_MAP][3], double to[OF_MAP][3]) {
         for (int k = 0; k < 3; k++) to[a][k] = from[a][k];
 }
 
-static void centroid_of_map(const Online *filter, double mean[3]) {
-    int used = (int)filter->used;
-    for (int k = 0; k < 3; k++) {
-        mean[k] = 0.0;
-        for (int f = 0; f < used; f++) mean[k] += filter->b[f][k] / used;
-    }
-}
-
-/* What the error of the map's centroid is with all errors from `first` on. */
-WIDE static void with_centroid(const Online *filter, int first, double G[3][MOST_ERRORS]) {
+/* What the error of the map's centroid is with all errors from `first` on; weight: of each feature in it. */
+WIDE static void with_centroid(const Online *filter, const double weight[MOST_FEATURES], int first, double G[3][MOST_ERRORS]) {
     int used = (int)filter->used, n = FEATURES + 3 * used;
     for (int a = 0; a < 3; a++)
         for (int j = first; j < n; j++) G[a][j] = 0.0;
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int j = first; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j];
-    for (int a = 0; a < 3; a++) scale_block(&G[a][first], n - first, 1.0 / used);
+            for (int j = first; j < n; j++) G[a][j] += weight[f] * filter->P[FEATURES + 3 * f + a][j];
+}
+
+/* The covariance of the centroid of G, in B. */
+static void of_centroid(const Online *filter, const double weight[MOST_FEATURES], const double G[3][MOST_ERRORS], double P[3][3]) {
+    copy(NOTHING, P);
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) P[a][b] += weight[f] * G[a][FEATURES + 3 * f + b];
 }
 
 static int is_alive(const PackedMember *member) { return member->weight > -INFINITY; }

@@ -61,6 +61,7 @@ typedef struct {
     double bend, span, seems[3][3], seems_spread[3][3], sharpness;
     double by_thrust[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
+    double weight[MOST_FEATURES]; /* of each feature of the map in what its centroid and attitude are, together 1 */
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
     /* Of offset, in B, and scale since the node before, as other features are seen: the covariance, and how what is known of them
        goes on. */

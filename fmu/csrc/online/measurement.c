@@ -108,18 +108,46 @@ static void in_body(const double R[3][3], const double A[3][3], double found[3][
         for (int b = 0; b < 3; b++) found[a][b] = R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
 }
 
+#define ROUNDS_OF_WEIGHTS 3 /* from the plain centroid, which features that are badly known lead astray */
+
+/* Of each feature of the map in what its centroid and attitude are, together 1: one whose place among the others is known worse than
+   what the frame shows of one counts less. Else one that was seen for a moment and never again would move and turn the map by all
+   that is not known of it. */
+static void weights_of_map(const Online *filter, const Frame *frame, double weight[MOST_FEATURES]) {
+    const int used = (int)filter->used;
+    double shown = 0.0, count = 0.0;
+    for (int i = 0; i < frame->count; i++)
+        for (int k = 0; k < 3 && frame->fits[i]; k++) shown += frame->noise[i][k][k], count += 1.0 / 3.0;
+    for (int f = 0; f < used; f++) weight[f] = 1.0 / used;
+    for (int round = 0; round < ROUNDS_OF_WEIGHTS; round++) {
+        double of_mean = 0.0, by_mean[MOST_FEATURES] = {0}, sum = 0.0;
+        for (int f = 0; f < used; f++)
+            for (int k = 0; k < 3; k++)
+                for (int g = 0; g < used; g++) by_mean[g] += weight[f] * filter->P[FEATURES + 3 * f + k][FEATURES + 3 * g + k];
+        for (int f = 0; f < used; f++) of_mean += weight[f] * by_mean[f];
+        for (int f = 0; f < used; f++) {
+            double own = of_mean - 2.0 * by_mean[f];
+            for (int k = 0; k < 3; k++) own += filter->P[FEATURES + 3 * f + k][FEATURES + 3 * f + k];
+            sum += weight[f] = 1.0 / (shown / count + fmax(own, 0.0));
+        }
+        scale_block(weight, used, 1.0 / sum);
+    }
+}
+
 /* By how much of each feature's error the whole map is turned, in B: least squares of a rotation about the centroid. */
-static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3]) {
+static void turn_of_map(const Online *filter, const double weight[MOST_FEATURES], double share[MOST_FEATURES][3][3]) {
     int used = (int)filter->used;
-    double mean[3], J[3][3] = {{0}}, inverse[3][3];
-    centroid_of_map(filter, mean);
+    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3];
+    for (int f = 0; f < used; f++)
+        for (int k = 0; k < 3; k++) mean[k] += weight[f] * filter->b[f][k];
     for (int f = 0; f < used; f++) {
         double arm[3], K[3][3];
         for (int k = 0; k < 3; k++) arm[k] = filter->b[f][k] - mean[k];
         moved_by_turn(arm, K);
         transposed(K, share[f]);
+        scale_block(share[f][0], 9, weight[f]);
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) J[a][b] += dot(K[a], K[b]);
+            for (int b = 0; b < 3; b++) J[a][b] += weight[f] * dot(K[a], K[b]);
     }
     if (!inverted(J, inverse)) copy(NOTHING, inverse);
     for (int f = 0; f < used; f++) {
@@ -238,7 +266,8 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
     const double(*V)[6] = pose->covariance;
     double swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3];
     *measurement = (Measurement){.bend = 0.5 * (lag * lag + sweep->spread)};
-    turn_of_map(filter, turn);
+    weights_of_map(filter, frame, measurement->weight);
+    turn_of_map(filter, measurement->weight, turn);
     for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]); /* of the offset */
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
@@ -294,12 +323,9 @@ static void measurement_of(const Online *filter, const Frame *frame, const Pose 
    better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,
    as the places about which it is linear change. So it counts as often as there are nodes in a turn. */
 static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose, const Measurement *measurement) {
-    int used = (int)filter->used;
-    double G[3][MOST_ERRORS], mean[3][3] = {{0}}, place[3][3];
-    with_centroid(filter, FEATURES, G);
-    for (int f = 0; f < used; f++)
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) mean[a][b] += G[a][FEATURES + 3 * f + b] / used;
+    double G[3][MOST_ERRORS], mean[3][3], place[3][3];
+    with_centroid(filter, measurement->weight, FEATURES, G);
+    of_centroid(filter, measurement->weight, G, mean);
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
         int at = FEATURES + 3 * frame->slot[i];

@@ -40,12 +40,10 @@ static ALWAYS_INLINE void damped(int L, const double *restrict P, const Measurem
 }
 
 WIDE static void take_back(Online *filter, const Measurement *measurement) {
-    int n = size_of(filter), used = (int)filter->used;
-    double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
-    with_centroid(filter, 0, G);
-    for (int f = 0; f < used; f++)
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;
+    int n = size_of(filter);
+    double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3], less[3][3];
+    with_centroid(filter, measurement->weight, 0, G);
+    of_centroid(filter, measurement->weight, G, P);
     damped(1, P[0], measurement, &filter->allowed, filter->widest, less[0]);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
