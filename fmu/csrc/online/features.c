@@ -1,6 +1,7 @@
 /* The map: features that are found by name or by place, come, are forgotten, and are measured afresh. */
 
 #define PLACED 16.3 /* chi-square of 3 degrees of freedom with p = 1e-3: within it a point is where a feature is */
+#define CLEARLY_ELSEWHERE 4.0 /* times that is where no other one is */
 enum { TRUSTED = 3, PATIENT = 3, STUBBORN = 5, HOPELESS = 10 };
 
 static int slot_of(const Online *filter, long long name) {
@@ -19,10 +20,9 @@ static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3
     if (!(frame->spread[i][0][0] > 0.0) || !weighed(frame, i, R)) frame->slot[i] = -1;
 }
 
-/* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */
-static void inform(Feature *feature, const Frame *frame, int i, const double arm[3], const double R[3][3],
-                   double V[6][6]) {
-    double K[3][3], own[3][3], weight[3][3], T[3][3];
+/* The covariance in C of where a point shows its feature to be, seen from a pose whose place and rotation vector in C have the covariance V. */
+static void of_sighting(const Frame *frame, int i, const double arm[3], const double V[6][6], double own[3][3]) {
+    double K[3][3];
     moved_by_turn(arm, K);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) { /* (1, K) V (1, K)' */
@@ -33,6 +33,12 @@ static void inform(Feature *feature, const Frame *frame, int i, const double arm
                 for (int l = 0; l < 3; l++) own[a][b] += K[a][k] * V[3 + k][3 + l] * K[b][l];
             }
         }
+}
+
+/* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */
+static void inform(Feature *feature, const Frame *frame, int i, const double arm[3], const double R[3][3], const double V[6][6]) {
+    double own[3][3], weight[3][3], T[3][3];
+    of_sighting(frame, i, arm, V, own);
     if (!inverted(own, weight)) return;
     product(weight, R, T);
     for (int a = 0; a < 3; a++)
@@ -88,9 +94,9 @@ static void forget(Online *filter, int slot) {
     filter->used = last;
 }
 
-static int is_in(const Online *filter, const Frame *frame, int slot) {
+static int is_in(const Frame *frame, long long name) {
     for (int i = 0; i < frame->count; i++)
-        if (frame->name[i] == filter->feature[slot].name) return 1;
+        if (frame->name[i] == name) return 1;
     return 0;
 }
 
@@ -99,7 +105,7 @@ static int free_slot(Online *filter, const Frame *frame) {
     if ((int)filter->used == MOST_FEATURES) {
         int oldest = -1;
         for (int f = 0; f < MOST_FEATURES; f++)
-            if (!is_in(filter, frame, f) && (oldest < 0 || filter->feature[f].last < filter->feature[oldest].last))
+            if (!is_in(frame, filter->feature[f].name) && (oldest < 0 || filter->feature[f].last < filter->feature[oldest].last))
                 oldest = f;
         if (oldest < 0) return -1;
         forget(filter, oldest);
@@ -157,7 +163,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
 static int recognised(const Online *filter, const Frame *frame, int i) {
     int found = -1;
     for (int f = 0; f < (int)filter->used; f++) {
-        if (is_in(filter, frame, f) || filter->feature[f].sightings < TRUSTED) continue;
+        if (is_in(frame, filter->feature[f].name) || filter->feature[f].sightings < TRUSTED) continue;
         int at = FEATURES + 3 * f;
         double arm[3], e[3], S[3][3], inverse[3][3], J[9], weighted[3], K[3][3];
         const int block[3] = {POSITION, ATTITUDE, at};
@@ -189,6 +195,72 @@ static int recognised(const Online *filter, const Frame *frame, int i) {
         found = f;
     }
     return found;
+}
+
+/* Sums over what frames of a node show under one name are added to those under another. */
+static void add_sums(FeatureSums *sum, const FeatureSums *more) {
+    const double count = sum->count + more->count;
+    for (int a = 0; a < 3; a++) {
+        sum->place[a] += (more->place[a] - sum->place[a]) * more->count / count;
+        sum->y[a] += more->y[a], sum->y_times[a] += more->y_times[a];
+        for (int b = 0; b < 3; b++) sum->noise[a][b] += more->noise[a][b];
+    }
+    sum->count = count, sum->times += more->times, sum->squares += more->squares, sum->cubes += more->cubes;
+}
+
+/* Whether a point under an unknown name is where one that is out of sight was: a feature of the map, or another point of the open node that is in no
+   map, with its name. Not if a second one is not clearly elsewhere. */
+static int has_returned(const Online *filter, const Frame *frame, int i, const Pose *pose, const FeatureSums *sum, long long *name) {
+    const Node *node = &filter->node;
+    const int used = (int)filter->used;
+    double arm[3], own[3][3], nearest = INFINITY, second = INFINITY;
+    times(pose->R, sum->place, arm);
+    of_sighting(frame, i, arm, pose->covariance, own);
+    for (int c = 0; c < used + (int)node->used; c++) {
+        const FeatureSums *other = c < used ? NULL : &node->seen[c - used];
+        const long long one = other ? other->name : filter->feature[c].name;
+        const double *place = other ? other->place : filter->b[c], shares = 1.0 / sum->count + (other ? 1.0 / other->count : 0.0);
+        double S[3][3] = {{0}}, W[3][3], off[3], e[3], We[3];
+        if (is_in(frame, one) || (other && slot_of(filter, one) >= 0)) continue;
+        if (!other) {
+            copy(filter->feature[c].spread, S);
+            turned(pose->R, S);
+        }
+        for (int a = 0; a < 3; a++) {
+            off[a] = sum->place[a] - place[a];
+            for (int b = 0; b < 3; b++) S[a][b] += shares * own[a][b];
+        }
+        if (!inverted(S, W)) continue;
+        times(pose->R, off, e);
+        times(W, e, We);
+        const double square = dot(e, We);
+        if (square < nearest) second = nearest, nearest = square, *name = one;
+        else if (square < second) second = square;
+    }
+    return nearest < PLACED && second > CLEARLY_ELSEWHERE * PLACED;
+}
+
+/* Where the open node has a name, or the number of its names. */
+static int place_in_node(const Node *node, long long name) {
+    int s = 0;
+    while (s < (int)node->used && node->seen[s].name != name) s++;
+    return s;
+}
+
+/* Features that come back under another name go on under that, in the open node, too, which may have seen them before: where a target turns slowly a node is so
+   long that all features leave and come back in it, and a map of none of them would be lost. */
+static void welcome_back(Online *filter, const Frame *frame, const Pose *pose) {
+    Node *node = &filter->node;
+    for (int i = 0; i < frame->count; i++) {
+        const int s = place_in_node(node, frame->name[i]);
+        long long name = 0;
+        if (frame->slot[i] >= 0 || s == (int)node->used || !has_returned(filter, frame, i, pose, &node->seen[s], &name)) continue;
+        const int f = slot_of(filter, name), before = place_in_node(node, name);
+        if (f >= 0) filter->feature[f].name = frame->name[i], filter->feature[f].last = filter->time;
+        if (before == (int)node->used) continue;
+        add_sums(&node->seen[s], &node->seen[before]);
+        node->seen[before] = node->seen[(int)--node->used];
+    }
 }
 
 static int known_in(const Frame *frame) {

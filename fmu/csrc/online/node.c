@@ -56,9 +56,8 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
             for (int j = 0; j < OF_THRUST; j++) node->by_thrust[k][j] += by_thrust[k][j];
     }
     for (int i = 0; i < frame->count; i++) {
-        int s = 0;
         if (frame->slot[i] >= 0 && !frame->fits[i]) continue;
-        while (s < (int)node->used && node->seen[s].name != frame->name[i]) s++;
+        const int s = place_in_node(node, frame->name[i]);
         if (s == MOST_FEATURES) continue;
         if (s == (int)node->used) {
             node->seen[s] = (FeatureSums){0};

@@ -247,6 +247,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         if (sound && filter->frames == 1.0) return ACCEPTED; /* with another map */
     }
     gather(filter, &frame, &pose);
+    welcome_back(filter, &frame, &pose);
     note_sightings(filter, &frame);
     if (sound && far_enough(filter, R)) sound = finish_node(filter, &tumble, R);
     if (!sound) begin(filter, &frame, NULL);
