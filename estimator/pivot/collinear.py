@@ -24,12 +24,15 @@ from baryscope.estimator.pivot.drift import drift_equations
 from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import Registered
+from baryscope.estimator.registration.clusters import Registered, typical_steps
+from baryscope.estimator.registration.collinear import FEWEST_ON_LINE
+from baryscope.estimator.registration.flips import same_sense
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
 
 MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
+HALFWAY = 6.0  # deviations from the middle of two features, up to which exchanged labels may hold the centre of mass
 NEAREST = 0.01  # of the length of the line: the distance of the centre of mass from its line, at least
 
 
@@ -87,17 +90,44 @@ def spurious_share(found: PivotSolution) -> float:
 
 
 def refuse_untold(found: PivotSolution, registered: Registered) -> None:
-    """Check that features in a line tell the path by more than noise.
+    """Check that features in a line tell the path by more than noise, and by more than exchanged labels may.
 
     Raises:
         ComputationError: they do not.
     """
-    if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
+    if not registered.in_line:
+        return
+    if spurious_share(found) > MOST_SPURIOUS:
         raise ComputationError(
             "the features seen together lie in a line, or no farther from one than their noise, and turn too little, "
             "or too evenly, to tell a path",
             Reason.COLLINEAR_FEATURES,
         )
+
+    if any(may_be_exchanged(found, index) for index in range(len(found.bodies))):
+        raise ComputationError(
+            "the features seen together are two, and the centre of mass that fits best is as far from one as from the "
+            "other, as it is where their labels are exchanged in some frames, which does not show: the line through "
+            "them turns by more than 30° from frame to frame",
+            Reason.COLLINEAR_FEATURES,
+        )
+
+
+def may_be_exchanged(found: PivotSolution, index: int) -> bool:
+    """Whether two features may have each other's label in some frames of a body: only halfway along the line, where
+    labels make no difference, such frames fit as well as others.
+    """
+    body = found.bodies[index]
+    if len(body.features) != FEWEST_ON_LINE:
+        return False
+    apart, own = body.points[1] - body.points[0], slice(3 * index, 3 * index + 3)
+    length = float(np.linalg.norm(apart))
+    along, middle = apart / length, body.points.mean(axis=0)
+    deviation = np.sqrt(found.variance * float(along @ found.solution.offset_covariance[own, own] @ along))
+    if not abs(middle @ along) < HALFWAY * deviation < length / 2:
+        return False
+    _, sure = same_sense(typical_steps(len(found.time), found.time)[body.frames], body.attitude @ along)
+    return bool(sure.mean() < 0.5)
 
 
 def spurious_information(found: PivotSolution) -> SpuriousInformation:

@@ -331,7 +331,7 @@ def _registered(tracks: FeatureTracks, inliers: BoolArray, path: Path) -> Regist
     except ComputationError as error:
         if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES, Reason.TOO_FEW_FRAMES):
             raise
-        in_line = find_collinear(tracks.position, inliers)
+        in_line = find_collinear(tracks.position, inliers, tracks.time)
         if in_line is None:
             raise
         _refuse_few_frames(in_line.bodies, path)

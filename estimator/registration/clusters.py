@@ -101,9 +101,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
         else:
             loose.append(placed)
     whole = _assembled(shapes, loose, sightings)
-    steps = (
-        np.arange(len(position), dtype=np.float64) if time is None or len(time) < 2 else time / np.median(np.diff(time))
-    )
+    steps = typical_steps(len(position), time)
     with_attitudes = [_with_attitudes(shape, sightings, steps) for shape in whole]
     longest = max((len(body.frames) for body, _ in with_attitudes), default=0)
     if not longest:
@@ -249,6 +247,11 @@ def _merge(whole: Shape, other: Shape, noise: float) -> bool:
         whole.counts[index] = whole.counts.get(index, 0) + other.counts[index]
     whole.intervals.extend(other.intervals)
     return True
+
+
+def typical_steps(frames: int, time: FloatArray | None) -> FloatArray:
+    """The time (n,) of the frames in steps of the median length; their numbers without one."""
+    return np.arange(frames, dtype=np.float64) if time is None or frames < 2 else time / np.median(np.diff(time))
 
 
 def _with_attitudes(shape: Shape, sightings: Sightings, steps: FloatArray) -> tuple[Body, FloatArray]:

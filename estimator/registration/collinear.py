@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.evenly import evenly_spaced
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import MIN_FRAMES, Registered
+from baryscope.estimator.registration.clusters import MIN_FRAMES, Registered, typical_steps
+from baryscope.estimator.registration.flips import same_sense
 from baryscope.estimator.registration.noise import noise_of_distances
 
 FloatArray = NDArray[np.float64]
@@ -21,17 +22,20 @@ SAMPLE = 2000  # frames in which distances tell which pair is long
 OFF_LINE = 5.0  # deviations of the noise, up to which a feature is on a line
 SLANT = 0.05  # of the line's length: the same, for any noise
 OUT_OF_PLANE = 0.01  # mean square of the lines' directions along any axis, at least
+FEWEST_ON_LINE = 2  # features, of which an exchange of labels does not show in distances
 LENGTH = 3.0  # deviations of the noise, from which two features have a direction
 
 
-def find_collinear(position: FloatArray, used: BoolArray) -> Registered | None:
+def find_collinear(position: FloatArray, used: BoolArray, time: FloatArray | None = None) -> Registered | None:
     """The bodies of features in a line in position (n, m, 3) in C, m, or None if there are none that tell a path.
 
     Lines tell one where they turn out of every plane: across a plane in which they stay, nothing but noise does.
     used (n, m) selects the observations. The pair that tells most, by its length and how often it is seen together,
     begins a body, which takes all frames that show two features of it; then the next, in the frames that are left.
+    Frames of two in which the line is turned round against those about them are left out: their labels are exchanged.
+    time (n,) in s, of steady steps unless given.
     """
-    told, left = noise_of_distances(position, used), used.copy()
+    told, left, steps = noise_of_distances(position, used), used.copy(), typical_steps(len(position), time)
     noise = told.deviation
     spread = _squared_distances(position, used) - 6 * noise**2
     spread[~(spread > (LENGTH * noise) ** 2)] = 0.0
@@ -50,6 +54,9 @@ def find_collinear(position: FloatArray, used: BoolArray) -> Registered | None:
             continue
         left[np.ix_(frames, features)] = False
         body, origin = _body(position, used, frames, features, places)
+        if len(features) == FEWEST_ON_LINE:
+            right, _ = same_sense(steps[frames], body.attitude[:, :, 2])
+            body, origin = body.in_frames(right), origin[right]
         bodies.append(body)
         origins.append(origin)
     return Registered(tuple(bodies), tuple(origins), noise, told.values) if _leave_planes(bodies) else None

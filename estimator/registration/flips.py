@@ -1,6 +1,7 @@
 """Attitudes that leave the rotation and still fit: two swapped labels can turn a shape over, for a frame or a while.
 
-In a turned run of frames, the axes of the body are all off by the same rotation: one jump begins it, one ends it.
+In a turned run of frames, the axes of the body are all off by the same rotation: one jump begins it, one ends it. Two
+features by themselves are turned over by any exchange of their labels, and are as far apart as before.
 """
 
 from itertools import pairwise
@@ -22,6 +23,8 @@ ROUNDS = 5  # of the search: some flips show once others are left out
 STEPS = 3  # before a jump, and after it, that show the rotation there
 SAME = 0.8  # rad between two turns of the axes that count as one
 ALONE = 1 / 3  # of a jump: other steps nearby are off by less
+ALONG = float(np.cos(np.pi / 6))  # of what a line turns by from frame to frame at most, where its ends are followed
+MOST_UNLIKE, MOST_REVERSED = 0.1, 0.4  # of such steps turn by more, and reverse, where they still are
 
 
 def steady(time: FloatArray, attitude: FloatArray) -> BoolArray:
@@ -41,6 +44,26 @@ def steady(time: FloatArray, attitude: FloatArray) -> BoolArray:
             break
         kept[index[bad]] = False
     return kept
+
+
+def same_sense(time: FloatArray, along: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Which directions (n, 3) of a line point the way that most around them do, (n,), and which have such around them.
+
+    time (n,) in typical steps of the frames. Where a line cannot be followed from frame to frame all are taken to be
+    right, and none is sure.
+    """
+    cosine, near = np.einsum("ki,ki->k", along[:-1], along[1:]), np.diff(time) <= MAX_STEP
+    followed = near & (np.abs(cosine) > ALONG)
+    kept, sure = np.ones(len(time), dtype=bool), np.zeros(len(time), dtype=bool)
+    count = int(followed.sum())
+    if count < (1 - MOST_UNLIKE) * near.sum() or (followed & (cosine < 0)).sum() > MOST_REVERSED * count:
+        return kept, sure
+    edges = np.concatenate([[0], np.nonzero(~followed)[0] + 1, [len(time)]])
+    for begin, end in pairwise(edges):
+        sense = np.cumprod(np.concatenate([[1.0], np.sign(cosine[begin : end - 1])]))
+        kept[begin:end] = sense * sense.sum() >= 0
+        sure[begin:end] = end - begin >= STEPS
+    return kept, sure
 
 
 def _has_jumps(attitude: FloatArray) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.registration.flips import steady
+from baryscope.estimator.registration.flips import same_sense, steady
 
 
 def rotation(count, step, noise, seed=0):
@@ -58,3 +58,21 @@ def test_what_happens_in_a_gap_of_time_turns_no_axes():
     later = np.delete(time, np.arange(80, 130))
     assert steady(later, spin.as_matrix()[later.astype(int)]).all()
     assert not steady(np.arange(150.0), spin.as_matrix()[later.astype(int)]).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_lines_that_point_the_other_way_than_those_about_them_are_found(noise):
+    """A fifth of the frames; the line goes on in a gap, after which the way that most of it point is the right one."""
+    along = rotation(300, 0.05, noise).apply([0.6, 0.8, 0.0])
+    reversed_ = np.random.default_rng(2).random(300) < 0.2
+    along[reversed_] *= -1
+    kept, sure = same_sense(np.arange(300) + 40.0 * (np.arange(300) >= 110), along)
+    np.testing.assert_array_equal(kept, ~reversed_)
+    assert sure.all()
+
+
+@pytest.mark.parametrize("step", [1.0, 2.0, 2.8])
+def test_lines_that_cannot_be_followed_are_left_alone(step):
+    kept, sure = same_sense(np.arange(200.0), rotation(200, step, 0.05).apply([0.3, 0.9, 0.3]))
+    assert kept.all()
+    assert not sure.any()
