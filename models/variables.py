@@ -112,10 +112,9 @@ class Variable:
         return f"{self.description}: {label}{axes[column]}"
 
     def whole_description(self, labels: Sequence[str]) -> str:
-        """The description of the variable as a whole; with the labels of its rows where they are features."""
-        if self.is_of_features:
-            return f"{self.description}; rows: {', '.join(labels)}"
-        return f"{self.description}: {'; '.join(self.axes)}" if self.axes else self.description
+        """The description of the variable as a whole: with its axes and, where its rows are features, their labels."""
+        description = f"{self.description}: {'; '.join(self.axes)}" if self.axes else self.description
+        return f"{description}; rows: {', '.join(labels)}" if self.is_of_features and labels else description
 
 
 # Exponents of the SI base units that the unit's variables need; "rad" counts as one in FMI.

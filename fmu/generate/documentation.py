@@ -50,7 +50,7 @@ def _page(unit: Blueprint, fmi: FmiVersion, *, scalar: bool) -> str:
     facts = [
         *unit.setting.facts,
         ("interfaces", f"FMI {fmi}.0, {offered}; variables are {arrays}"),
-        ("features", f"{len(unit.setting.labels)}; their number is built in"),
+        *_features(unit),
         ("default run", f"{unit.setting.stop_time:.9g} s in steps of {unit.setting.step_size:.9g} s"),
         ("made by", f"baryscope {version('baryscope')}"),
     ]
@@ -75,6 +75,16 @@ def _page(unit: Blueprint, fmi: FmiVersion, *, scalar: bool) -> str:
     )
 
 
+def _features(unit: Blueprint) -> list[tuple[str, str]]:
+    """How many rows arrays have, and their labels if no section has them; nothing for a unit without such arrays."""
+    if not any(variable.is_of_features for variable in unit.variables):
+        return []
+    text = f"{len(unit.setting.labels)}; their number is built in"
+    if any("label" in section.head for section in unit.sections):
+        return [("features", text)]
+    return [("features", f"{text}; rows: {', '.join(unit.setting.labels)}")]
+
+
 def _section(section: Section) -> str:
     parts = [f"<h2>{escape(section.title)}</h2>"]
     if section.text:
@@ -97,7 +107,7 @@ def _rows(unit: Blueprint) -> Iterable[Sequence[str]]:
             display if display != variable.unit else "",
             _start(variable, unit.starts[variable.name]) if variable.kind == Kind.PARAMETER else "",
             _limits(variable),
-            variable.description if variable.is_of_features else variable.whole_description(()),
+            variable.whole_description(()),
         )
 
 

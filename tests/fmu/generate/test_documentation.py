@@ -1,5 +1,6 @@
 """documentation/index.html and the icon: in their places, complete, and the same in every build."""
 
+import xml.etree.ElementTree as ET
 import zipfile
 from html.parser import HTMLParser
 
@@ -7,6 +8,7 @@ import pytest
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.documentation import documents
+from baryscope.fmu.units import UNITS, blueprint_of
 from baryscope.fmu.units.target import target_blueprint
 from baryscope.models.variables import variable_table
 
@@ -75,6 +77,28 @@ def test_every_variable_and_every_feature_is_in_the_page(request, name):
         assert row[6].startswith(variable.description)
     assert [row[1] for row in page.rows if len(row) == 4][1:] == list(scenario.features.labels)
     assert ("drag of an exponential atmosphere" in page.text) == (name == "pushed")
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_rows_and_columns_of_arrays_are_named(envisat, unit):
+    """Once for each unit, and only for those that have rows of features.
+
+    The pages of rig and estimator had no label; that of the controller, which has no rows, said `12; their number is
+    built in`. In which order `covariances` has its columns stood in the descriptions of scalars alone.
+    """
+    blueprint = blueprint_of(unit, envisat)
+    page = Page(documents(blueprint, 3)["documentation/index.html"].decode())
+    labels = envisat.features.labels
+    assert [page.text.count(label) for label in labels] == [0 if unit == "controller" else 1] * len(labels)
+    assert ("their number is built in" in page.text) == (unit != "controller")
+    cells = {row[0]: row[6] for row in page.rows if len(row) == 7}
+    description = ET.fromstring(describe_unit(blueprint, 3)[0])  # noqa: S314  our own
+    described = {v.get("name"): v.get("description") for v in description.find("ModelVariables")}
+    assert ("covariances[12, 6]" in cells) == (unit in ("rig", "estimator"))
+    columns = {"covariances[12, 6]": "xx; xy; xz; yy; yz; zz", "pixels[12, 3]": "u, left; v; u, right"}
+    for name in columns.keys() & cells.keys():
+        assert cells[name].endswith(f": {columns[name]}")
+        assert described[name.partition("[")[0]].endswith(f": {columns[name]}; rows: {', '.join(labels)}")
 
 
 def test_starts_are_shown_in_the_units_that_people_read(envisat):
