@@ -6,6 +6,7 @@ import pytest
 
 from baryscope.fmu import build_fmu
 from baryscope.fmu.check.checker import check_unit
+from baryscope.fmu.units.estimator import estimator_blueprint
 from baryscope.fmu.units.rig import rig_blueprint
 from baryscope.fmu.units.target import target_blueprint
 from mutations import relinked
@@ -23,6 +24,7 @@ SERIALISE, BYTES = (
     b"    memcpy(bytes, state, sizeof(Saved));\n    return OK;",
     b"    memcpy(saved, bytes, sizeof *saved);",
 )
+RESTORE = b"memcpy(&instance->core, &saved->core, sizeof saved->core);"
 ADVANCE = b"    if (!unit_advance"
 FAULTS = [
     (2, [("instance.c", RESET, KEPT)], "CoSimulation: after a reset chaser.acceleration.* differed"),
@@ -76,3 +78,13 @@ def test_outputs_in_a_run_are_looked_at(small, tmp_path, value, words):
     changes = [("rig.c", line, line.replace(b"number + 1.0", value))]
     found = findings_of(relinked(rig, tmp_path / "mutant.fmu", rig_blueprint(small), 2, changes))
     assert f"error: sample.number: {words}" in found
+
+
+def test_a_restored_state_that_lacks_what_no_output_shows_yet_is_reported(small, tmp_path):
+    """Of the estimator, whose memory is its filter: a run goes on alike without the last 8 kB, and had no finding."""
+    whole, path = build_fmu(small, tmp_path / "estimator.fmu", unit="estimator"), tmp_path / "mutant.fmu"
+    changes = [("saved.c", RESTORE, RESTORE.replace(b"sizeof saved->core", b"sizeof saved->core - 8192"))]
+    found = check_unit(relinked(whole, path, estimator_blueprint(small), 2, changes), isolated=False)
+    assert [finding.subject for finding in found] == ["CoSimulation/canGetAndSetFMUstate"]
+    assert re.fullmatch(r"a restored state differs from the saved one in \d+ bytes", found[0].message)
+    assert check_unit(whole, isolated=False) == []
