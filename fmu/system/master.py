@@ -28,6 +28,7 @@ class Unit:
         messages: errors that it has logged.
         parameters: bound values by name.
         measures: units of measurement by name, of scalars that have one.
+        descriptions: by name, of scalars that have one.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Unit:
     messages: list[str]
     parameters: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, Measure] = field(default_factory=dict)
+    descriptions: Mapping[str, str] = field(default_factory=dict)
     _scalars: dict[str, list[str]] = field(default_factory=dict)
 
     def get(self, names: Sequence[str]) -> FloatArray:

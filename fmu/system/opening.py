@@ -183,6 +183,7 @@ def _opened(path: Path, folder: Path, component: Component, bound: Mapping[str, 
         messages=messages,
         parameters=parameters,
         measures=measures,
+        descriptions={scalar.name: scalar.description for scalar in scalars if scalar.description},
     )
 
 

@@ -48,9 +48,10 @@ def fly(
         Once the target's tumble is known, glide to 2 m before its first feature, and stay there as it turns. Else the
         chaser holds where it starts.
     output
-        Folder for tracks.csv, truth.csv, estimate.csv, flight.json, report.html (the scene in 3D, the estimate's
-        convergence and its residuals, for a browser) and flight.png. Default: the scenario's or the system's name,
-        followed by -flight.
+        Folder for tracks.csv (beside it tracks.orbit.toml and tracks.acceleration.csv, the commands in LVLH, as
+        `baryscope estimate` takes them), truth.csv, estimate.csv, flight.json, report.html (the scene in 3D, the
+        estimate's convergence and its residuals, for a browser) and flight.png. Default: the scenario's or the
+        system's name, followed by -flight.
     """
     show = show or Show()
     if system is not None and scenario is not None:

@@ -213,6 +213,14 @@ Sample = tuple[float, FloatArray, FloatArray]
 """Time in s, points (m, 3) in C, m, and their covariances (m, 3, 3), m²; NaN for what is not seen."""
 
 
+def _labels(rig: Unit, features: int) -> tuple[str, ...]:
+    """The features' labels, from descriptions of a rig of ours, `Whether the feature is seen: LABEL`; else numbers."""
+    told = [rig.descriptions.get(name, "").partition(": ")[2] for name in rig.scalars("seen")]
+    if len(set(told) - {""}) == features:
+        return tuple(told)
+    return tuple(str(k + 1) for k in range(features))
+
+
 class RigReader:
     """Reads the samples of a rig as they come."""
 
@@ -327,7 +335,7 @@ class _Recorder:
         R = matrix_from_quaternion(rows["target target.attitude"])
         table = {variable.name: variable for variable in variable_table(3) if variable.kind == Kind.OUTPUT}
         time, position, covariance = (np.array(values) for values in zip(*self._samples, strict=True))
-        labels = tuple(str(k + 1) for k in range(position.shape[1]))
+        labels = _labels(self._units["rig"], position.shape[1])
         estimator = self._units["estimator"]
         known = estimator.vector("body.known")[:, None] > 0
         return Loop(

@@ -1,4 +1,4 @@
-"""The files of a flown loop: tracks, truth, estimate, a summary, a report and a picture."""
+"""The files of a flown loop: tracks, orbit and commands, truth, estimate, a summary, a report and a picture."""
 
 import csv
 import json
@@ -10,6 +10,7 @@ import numpy as np
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
 from baryscope.models.files import AnyPath, write_together
+from baryscope.models.scenario.orbit import orbit_text
 from baryscope.report import html_of
 from baryscope.study.flight import write_truth
 from baryscope.study.loop import Loop
@@ -20,17 +21,20 @@ from baryscope.study.pictures import pictures_possible, save
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TRACKS, TRUTH, ESTIMATE, SUMMARY = "tracks.csv", "truth.csv", "estimate.csv", "flight.json"
+TRACKS, ORBIT, THRUST = "tracks.csv", "tracks.orbit.toml", "tracks.acceleration.csv"
+TRUTH, ESTIMATE, SUMMARY = "truth.csv", "estimate.csv", "flight.json"
 REPORT, PICTURE = "report.html", "flight.png"
 
 
 def loop_paths(folder: AnyPath) -> tuple[Path, ...]:
     """The files that a flight may have."""
-    return tuple(Path(folder) / name for name in (TRACKS, TRUTH, ESTIMATE, SUMMARY, REPORT, PICTURE))
+    return tuple(Path(folder) / name for name in (TRACKS, ORBIT, THRUST, TRUTH, ESTIMATE, SUMMARY, REPORT, PICTURE))
 
 
 def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Path, ...]:
     """Write tracks.csv, truth.csv, estimate.csv, flight.json, report.html and, with matplotlib, flight.png.
+
+    Beside the tracks are tracks.orbit.toml and tracks.acceleration.csv, as `baryscope estimate` takes them.
 
     Args:
         loop: the flight.
@@ -43,13 +47,16 @@ def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Pa
     Raises:
         InputError: a file cannot be written.
     """
-    tracks, truth, estimate, summary, report, picture = loop_paths(folder)
+    *written, picture = loop_paths(folder)
+    tracks, orbit, thrust, truth, estimate, summary, report = written
     found = summary_of(loop)
     page = html_of(report_of_loop(loop, found, options))
     text = json.dumps(found | {"options": options}, indent=2, allow_nan=False)
     write_together(
         {
             tracks: loop.tracks.write_rows,
+            orbit: lambda stream: stream.write(orbit_text(loop.orbit.of_simulation())),
+            thrust: lambda stream: _write_thrust(loop, stream),
             truth: lambda stream: write_truth(loop.truth, stream),
             estimate: lambda stream: _write_estimate(loop, stream),
             summary: lambda stream: stream.write(text + "\n"),
@@ -57,9 +64,16 @@ def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Pa
         }
     )
     if not pictures_possible():
-        return tracks, truth, estimate, summary, report
+        return tuple(written)
     save(loop_figure(loop), picture)
-    return tracks, truth, estimate, summary, report, picture
+    return *written, picture
+
+
+def _write_thrust(loop: Loop, stream: TextIO) -> None:
+    """The commands, LVLH: each acts from the communication point at which it stands in the outputs until the next."""
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time", "ax", "ay", "az"])
+    writer.writerows(np.column_stack([loop.time, loop.command]).tolist())
 
 
 def _write_estimate(loop: Loop, stream: TextIO) -> None:

@@ -159,11 +159,12 @@ def test_a_chaser_in_the_target_is_told_of(held):
     assert "for 10 s, since 391 s: it may have hit the target" in "\n".join(_words(found))
 
 
-def test_files_hold_the_flight(held, tmp_path):
+def test_files_hold_the_flight(held, envisat, tmp_path):
     files = write_loop(held, tmp_path, {"of": "envisat"})
     assert files == loop_paths(tmp_path)
     back = FeatureTracks.read_csv(tmp_path / "tracks.csv")
     assert back.position[5:].shape == held.tracks.position[5:].shape
+    assert back.labels == held.tracks.labels == envisat.features.labels
     with (tmp_path / "estimate.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [len(rows), rows[0]["x"]] == [400, ""]
@@ -174,6 +175,25 @@ def test_files_hold_the_flight(held, tmp_path):
     summary = json.loads((tmp_path / "flight.json").read_text())
     assert summary["options"] == {"of": "envisat"}
     assert summary["position_rmse"] == summary_of(held)["position_rmse"]
+
+
+def test_a_batch_estimate_takes_the_files(held, tmp_path):
+    """With the orbit and the commands that are beside the tracks, of which there were none.
+
+    Of this hold the path is off by 0.7 mm rms with both, by 5 mm with the orbit alone, and by 8 cm with neither.
+    """
+    write_loop(held, tmp_path, {})
+    tracks, orbit, thrust, found = (
+        str(tmp_path / name) for name in ("tracks.csv", "tracks.orbit.toml", "tracks.acceleration.csv", "batch.csv")
+    )
+    options = ["--orbit", orbit, "--acceleration", thrust, "--acceleration-axes", "lvlh", "--quiet"]
+    assert main(["estimate", tracks, *options, "-o", found]) == 0
+    with (tmp_path / "batch.csv").open(newline="") as stream:
+        path = {float(row["time"]): [float(row[name]) for name in "xyz"] for row in csv.DictReader(stream)}
+    truth = zip(held.time.tolist(), held.truth["target.position"], strict=True)
+    errors = [np.linalg.norm(path[time] - true) for time, true in truth if time in path]
+    assert len(errors) > 390
+    assert np.sqrt(np.mean(np.square(errors))) < 2e-3
 
 
 def test_the_report_shows_the_flight(held, envisat):
