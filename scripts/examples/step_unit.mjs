@@ -10,6 +10,10 @@ import { readFileSync } from "node:fs";
 import { Unit } from "../../fmu/runtime/unit.mjs";
 
 const [path, steps = "600", seconds = "0.1"] = process.argv.slice(2);
+if (!path?.endsWith(".wasm")) {
+  console.error("usage: node scripts/examples/step_unit.mjs UNIT.wasm [STEPS [SECONDS]]");
+  process.exit(2);
+}
 const table = JSON.parse(readFileSync(path.replace(/\.wasm$/, ".json"), "utf8"));
 const unit = await Unit.of(readFileSync(path), table);
 unit.start();

@@ -58,6 +58,14 @@ def test_a_refusal_reaches_the_reader(module):
     assert "-1" in result.stderr
 
 
+@pytest.mark.parametrize("arguments", [[], ["unit.fmu"]], ids=["none", "an FMU"])
+def test_the_example_says_what_it_takes(arguments):
+    """It ended with the stack of a TypeError, or of a file that was not found."""
+    result = node(str(EXAMPLE), *arguments)
+    assert result.returncode == 2
+    assert result.stderr == "usage: node scripts/examples/step_unit.mjs UNIT.wasm [STEPS [SECONDS]]\n"
+
+
 def test_its_table_is_the_table_of_variables(envisat, module):
     described = json.loads(module.with_suffix(".json").read_text(encoding="utf-8"))["variables"]
     table = variable_table(len(envisat.features.points))
