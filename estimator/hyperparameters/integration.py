@@ -92,69 +92,125 @@ def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Po
     outliers. Where the observations tell it all the same, the claim must not be too small by that: here it is tolerant.
     """
     prior = replace(prior, tolerant=True)
-    at_best, covariance = conditional(linear, prior, theta)
-    mean, bounds, total = at_best.copy(), ranges(linear, prior), covariance.copy()
+    best = _Best(linear, prior, theta, ranges(linear, prior), *conditional(linear, prior, theta))
+    mean, total = best.mean.copy(), best.covariance.copy()
     interval = np.full((len(theta), 2), np.nan)
     significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
     shared = prior.uses.sum(axis=1) > 1
     joint = (prior.uses & shared[:, None]).any(axis=0)
-    claimed = 1.0  # the share of what may vanish in the covariance
     for index in np.flatnonzero(~joint):
-        step = _step(linear, prior, theta, int(index))
-        points, costs = _along(linear, prior, theta, step * np.eye(len(theta))[index], bounds)
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        lowest, none = likeliest_without(linear, prior, theta, int(index), bounds)
-        significance[index] = none - costs[0]  # the first is that of θ
-        optional = prior.hyperparameters[index].optional
-        if optional:  # the room below, where all is as at the lower bound
-            least = bounds[index, 0] + np.log(LEAST_EFFECT / NO_EFFECT)
-            weight[[at[index] < least for at in points]] = 0.0
-            points.append(lowest)
-            weight = np.append(weight, BELOW / step * np.exp(-max(none - min(costs), 0.0) / 2))
-            if not weight.any():  # rounding makes −2 ln p fall where nothing has an effect
-                weight[-1] = 1.0
-        weight /= weight.sum()
-        values = np.array([at[index] for at in points])
-        centre = float(weight @ values)
-        deviation = float(np.sqrt(weight @ (values - centre) ** 2))
-        interval[index] = centre - deviation, centre + deviation
-        expectation[index] = weight @ np.exp(values)
-        mixture = _Mixture.of(linear, prior, points, weight)
-        of_x = mixture.within
-        if optional:
-            order = np.argsort(values)
-            claimed = order[int(np.searchsorted(weight[order].cumsum(), CLAIMED))]
-            of_x = conditional(linear, prior, points[claimed])[1]
-        total += _positive(of_x + mixture.between - covariance, np.diag(covariance))
-        mean += mixture.mean - at_best
+        one = _over_one(best, int(index))
+        interval[index], significance[index], expectation[index] = one.interval, one.significance, one.expectation
+        total += _positive(one.of_x - best.covariance, np.diag(best.covariance))
+        mean += one.mean - best.mean
+    share = 1.0  # of what may vanish in the covariance
     if joint.any():
-        few = _Reduced.of(linear, prior, theta, np.any(prior.uses[:, joint], axis=1))
-        steps = _principal_steps(few.linear, few.prior, theta, joint, bounds)
-        points, costs = _lattice(few.linear, few.prior, theta, steps, bounds)
-        at_ends = np.abs(np.array(points)[:, None] - bounds.T).min(axis=1) <= EDGE
-        # By the trapezoidal rule; one without a range is at its ends in all points.
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
-        mixture = few.whole(_Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
-        vanishing = [int(index) for index in np.flatnonzero(joint) if prior.hyperparameters[index].vanishing]
-        if vanishing:
-            mass = weight.sum() * _cell(steps, np.ptp(bounds, axis=1), vanishing[0]) / BELOW
-            still, less = _without(few.linear, few.prior, theta, vanishing[0], bounds)
-            nothing = 1 / (1 + mass * np.exp(min((less - min(costs)) / 2, EXCLUDED)))
-            claimed = _claimed_share(1 - nothing)
-            other = few.whole(_Mixture.of(few.linear, few.prior, [still], np.ones(1)))
-            mixture = mixture.or_else(other, nothing, claimed)
-        total += mixture.within + mixture.between - covariance
-        mean += mixture.mean - at_best
+        mixture, share = _over_several(best, joint)
+        total += mixture.within + mixture.between - best.covariance
+        mean += mixture.mean - best.mean
     for alternative in prior.alternatives:
         mixture = _of_both(linear, prior, theta, alternative)
-        total += mixture.within + mixture.between - covariance
-        mean += mixture.mean - at_best
+        total += mixture.within + mixture.between - best.covariance
+        mean += mixture.mean - best.mean
     if np.any(prior.scatter):
-        untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
-        wider = conditional(linear, prior.scattered(untold), theta)[1]
-        total += claimed * _positive(wider - covariance, np.diag(covariance))
+        total += share * best.scatter
     covariance, information = (total + total.T) / 2, np.diag(linear.information)
-    return Posterior(theta, interval, significance, expectation, mean, covariance, at_best, information)
+    return Posterior(theta, interval, significance, expectation, mean, covariance, best.mean, information)
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The likeliest hyperparameters θ (h,), within bounds (h, 2), and the posterior of x for them.
+
+    mean (p,) and covariance (p, p) of x.
+    """
+
+    linear: GaussianLikelihood
+    prior: Prior
+    theta: FloatArray
+    bounds: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+    @property
+    def scatter(self) -> FloatArray:
+        """What the prior's scatter adds to the covariance, (p, p)."""
+        variance = np.diag(self.covariance)
+        untold = np.clip(variance * held(self.linear, self.prior, self.theta)[0], 0.0, 1.0)
+        wider = conditional(self.linear, self.prior.scattered(untold), self.theta)[1]
+        return _positive(wider - self.covariance, variance)
+
+
+@dataclass(frozen=True, eq=False)
+class _Single:
+    """The posterior over one hyperparameter that has its unknowns for itself.
+
+    interval, significance and expectation as in `Posterior`; mean (p,) of x, and the covariance (p, p) to be claimed.
+    """
+
+    interval: tuple[float, float]
+    significance: float
+    expectation: float
+    mean: FloatArray
+    of_x: FloatArray
+
+
+def _over_one(best: _Best, index: int) -> _Single:
+    """The integration over one hyperparameter, by its index, on a grid in its logarithm."""
+    linear, prior, theta, bounds = best.linear, best.prior, best.theta, best.bounds
+    step = _step(linear, prior, theta, index)
+    points, costs = _along(linear, prior, theta, step * np.eye(len(theta))[index], bounds)
+    weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+    lowest, none = likeliest_without(linear, prior, theta, index, bounds)
+    optional = prior.hyperparameters[index].optional
+    if optional:  # the room below, where all is as at the lower bound
+        least = bounds[index, 0] + np.log(LEAST_EFFECT / NO_EFFECT)
+        weight[[at[index] < least for at in points]] = 0.0
+        points.append(lowest)
+        weight = np.append(weight, BELOW / step * np.exp(-max(none - min(costs), 0.0) / 2))
+        if not weight.any():  # rounding makes −2 ln p fall where nothing has an effect
+            weight[-1] = 1.0
+    weight /= weight.sum()
+    values = np.array([at[index] for at in points])
+    centre = float(weight @ values)
+    deviation = float(np.sqrt(weight @ (values - centre) ** 2))
+    mixture = _Mixture.of(linear, prior, points, weight)
+    of_x = mixture.within
+    if optional:
+        order = np.argsort(values)
+        quantile = order[int(np.searchsorted(weight[order].cumsum(), CLAIMED))]
+        of_x = conditional(linear, prior, points[quantile])[1]
+    return _Single(
+        interval=(centre - deviation, centre + deviation),
+        significance=none - costs[0],  # the first is that of θ
+        expectation=float(weight @ np.exp(values)),
+        mean=mixture.mean,
+        of_x=of_x + mixture.between,
+    )
+
+
+def _over_several(best: _Best, joint: BoolArray) -> tuple["_Mixture", float]:
+    """The integration over the hyperparameters (h,) that share unknowns, on a lattice along their principal axes.
+
+    With the share, in the covariance, of what may vanish; 1 if nothing may.
+    """
+    prior, theta, bounds = best.prior, best.theta, best.bounds
+    few = _Reduced.of(best.linear, prior, theta, np.any(prior.uses[:, joint], axis=1))
+    steps = _principal_steps(few.linear, few.prior, theta, joint, bounds)
+    points, costs = _lattice(few.linear, few.prior, theta, steps, bounds)
+    at_ends = np.abs(np.array(points)[:, None] - bounds.T).min(axis=1) <= EDGE
+    # By the trapezoidal rule; one without a range is at its ends in all points.
+    weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
+    mixture = few.whole(_Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
+    vanishing = [int(index) for index in np.flatnonzero(joint) if prior.hyperparameters[index].vanishing]
+    if not vanishing:
+        return mixture, 1.0
+    mass = weight.sum() * _cell(steps, np.ptp(bounds, axis=1), vanishing[0]) / BELOW
+    still, less = _without(few.linear, few.prior, theta, vanishing[0], bounds)
+    nothing = 1 / (1 + mass * np.exp(min((less - min(costs)) / 2, EXCLUDED)))
+    share = _claimed_share(1 - nothing)
+    other = few.whole(_Mixture.of(few.linear, few.prior, [still], np.ones(1)))
+    return mixture.or_else(other, nothing, share), share
 
 
 def _of_both(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, other: Alternative) -> "_Mixture":

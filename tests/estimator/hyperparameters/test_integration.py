@@ -172,11 +172,16 @@ def test_what_others_explain_is_not_due_to_an_optional_one():
     assert np.trace(found.covariance[:8, :8]) > 1  # at `other` it is as small as its prior
 
 
-def test_scatter_widens_what_the_observations_do_not_tell():
-    """Three of twelve unknowns have hardly any effect: theirs is the law's variance, widened; others hardly change."""
+@pytest.mark.parametrize("optional", [False, True])
+def test_scatter_widens_what_the_observations_do_not_tell(optional):
+    """Three of twelve unknowns have hardly any effect: theirs is the law's variance, widened; others hardly change.
+
+    Of a law that is optional they were widened twice as much, by the number of the point whose covariance is claimed.
+    """
     rng = np.random.default_rng(6)
     H = np.hstack([10 * rng.normal(size=(60, 9)), 1e-3 * rng.normal(size=(60, 3))])
-    law = Prior.none(1).joined(Prior(np.zeros(11), np.ones((11, 1)), (Hyperparameter("scale"),)))
+    scale = Hyperparameter("scale", optional=optional)
+    law = Prior.none(1).joined(Prior(np.zeros(11), np.ones((11, 1)), (scale,)))
     linear = GaussianLikelihood(H.T @ H, H.T @ (H @ rng.normal(size=12) + rng.normal(size=60)), np.zeros(12))
     theta = maximise(linear, law)
     plain = np.diag(posterior(linear, law, theta).covariance)
