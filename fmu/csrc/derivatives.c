@@ -46,7 +46,7 @@ static void unit_derivative(Unit *unit, bool at_start, bool reverse, const doubl
     const Range *knowns = at_start ? START_KNOWNS : RUN_KNOWNS, *unknowns = at_start ? START_UNKNOWNS : RUN_UNKNOWNS;
     double from[N_VALUES], to[N_VALUES], pose[POSE_SIZE], of_pose[POSE_SIZE];
     const double *u = unit->values + AT_INPUTS, *p = unit->values + AT_PARAMETERS, *x = unit->values + AT_STATES;
-    const double *body = unit->values + AT_BODY, *rest = reverse ? from + N_SEEN : from;
+    const double *body = unit->values + AT_TARGET_FEATURES, *rest = reverse ? from + N_SEEN : from;
     const double *at_start_arguments[] = {u, p, rest, of_pose}, *run_arguments[] = {x, u, p, unit->constants, rest, of_pose};
     const double **arguments = at_start ? at_start_arguments : run_arguments;
     double *forward[] = {to + N_SEEN, of_pose}, *back[] = {to, to + BODY_IN_KNOWNS + N_SEEN};

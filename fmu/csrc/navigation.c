@@ -171,7 +171,7 @@ static bool are_in_range(const double *values)
 static const double *command_of(Model *model, const double *values, double time, char *message)
 {
     static const double none[3];
-    if (are_within(FARTHEST, values + AT_ACCELERATION, 3)) return values + AT_ACCELERATION;
+    if (are_within(FARTHEST, values + AT_CHASER_ACCELERATION, 3)) return values + AT_CHASER_ACCELERATION;
     tell(model, TOO_STRONG, message, "chaser.acceleration at %.17g s is not within %g m/s2: taken for none", time, FARTHEST);
     return none;
 }
@@ -190,7 +190,7 @@ static void axes_of(const double quaternion[4], double R[3][3])
 static void axes_between(Model *model, const double *values, double time, double axes[3][3])
 {
     double now[3][3], turn[3], middle[3];
-    axes_of(values + AT_ATTITUDE, now);
+    axes_of(values + AT_CAMERA_ATTITUDE, now);
     if (model->filter.frames == 0.0) copy(now, model->axes), model->turned_in = 0.0, model->axes_at = time;
     const double span = time - model->axes_at, before = model->turned_in;
     const bool bent = before > 0.0 && span <= 2.0 * before;
@@ -218,7 +218,7 @@ static bool take_sample(Model *model, const double *values, char *message)
     for (int feature = 0; feature < N_FEATURES; feature++) {
         if (values[AT_SEEN + feature] == 0.0) continue;
         const double *covariance = values + AT_COVARIANCES + 6 * feature;
-        const double *arguments[] = {values + AT_ATTITUDE, values + AT_LEVER_ARM, values + AT_POINTS + 3 * feature, covariance};
+        const double *arguments[] = {values + AT_CAMERA_ATTITUDE, values + AT_CAMERA_LEVER_ARM, values + AT_POINTS + 3 * feature, covariance};
         double *results[] = {points[count], covariances[count]};
         const bool within = are_within(FARTHEST * FARTHEST, covariance, 6);
         if (within) unit_point(arguments, results, NULL, NULL, 0);
@@ -266,16 +266,16 @@ static void write_tumble(const Model *model, double *values, double time)
     memcpy(values + AT_TARGET_ATTITUDE, model->attitude, sizeof model->attitude);
     memcpy(values + AT_PREDICTED_ATTITUDE, model->attitude, sizeof model->attitude);
     online_tumble(&model->filter, time, &now); /* all zeros if it is not known */
-    online_tumble(&model->filter, time + values[AT_HORIZON], &ahead);
+    online_tumble(&model->filter, time + values[AT_PREDICTION_HORIZON], &ahead);
     values[AT_TUMBLE_KNOWN] = now.known;
     if (now.known != 0.0) write_quaternion(now.R, values + AT_TARGET_ATTITUDE);
     if (now.known != 0.0) write_quaternion(ahead.known != 0.0 ? ahead.R : now.R, values + AT_PREDICTED_ATTITUDE);
-    memcpy(values + AT_RATE, now.rate, sizeof now.rate);
-    write_upper(now.turn[0], 3, values + AT_ATTITUDE_COVARIANCE);
-    write_upper(now.of_rate[0], 3, values + AT_RATE_COVARIANCE);
+    memcpy(values + AT_TARGET_ANGULAR_RATE, now.rate, sizeof now.rate);
+    write_upper(now.turn[0], 3, values + AT_TARGET_ATTITUDE_COVARIANCE);
+    write_upper(now.of_rate[0], 3, values + AT_TARGET_ANGULAR_RATE_COVARIANCE);
     const double inertia[6] = {now.inertia[0][0], now.inertia[1][1], now.inertia[2][2],
                                now.inertia[0][1], now.inertia[0][2], now.inertia[1][2]};
-    memcpy(values + AT_INERTIA, inertia, sizeof inertia);
+    memcpy(values + AT_TARGET_INERTIA, inertia, sizeof inertia);
 }
 
 static void write_features(const Online *filter, const Posterior *posterior, double *values)
@@ -299,12 +299,12 @@ static void write_residuals(const Online *filter, double *values)
     double residuals[MOST_FEATURES][3];
     int fits[MOST_FEATURES];
     const int count = online_residuals(filter, names, residuals[0], fits);
-    memset(values + AT_RESIDUALS, 0, 3 * N_FEATURES * sizeof *values);
-    memset(values + AT_FITS, 0, N_FEATURES * sizeof *values);
-    memset(values + AT_REJECTED, 0, N_FEATURES * sizeof *values);
+    memset(values + AT_SIGHT_RESIDUALS, 0, 3 * N_FEATURES * sizeof *values);
+    memset(values + AT_SIGHT_FITS, 0, N_FEATURES * sizeof *values);
+    memset(values + AT_SIGHT_REJECTED, 0, N_FEATURES * sizeof *values);
     for (int i = 0; i < count; i++) {
-        values[(fits[i] ? AT_FITS : AT_REJECTED) + names[i]] = 1.0;
-        if (isfinite(residuals[i][0])) memcpy(values + AT_RESIDUALS + 3 * names[i], residuals[i], sizeof residuals[i]);
+        values[(fits[i] ? AT_SIGHT_FITS : AT_SIGHT_REJECTED) + names[i]] = 1.0;
+        if (isfinite(residuals[i][0])) memcpy(values + AT_SIGHT_RESIDUALS + 3 * names[i], residuals[i], sizeof residuals[i]);
     }
 }
 
@@ -319,7 +319,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
     values[AT_SIGHT_TIME] = model->sighted;
-    memcpy(values + AT_SIGHT, model->sight, sizeof model->sight);
+    memcpy(values + AT_SIGHT_POSITION, model->sight, sizeof model->sight);
     write_residuals(filter, values);
     write_tumble(model, values, time);
     if (filter->frames == 0.0) return true;
@@ -332,14 +332,14 @@ static bool write_outputs(const Model *model, double *values, double time)
         go_ahead(filter, &ahead, next, &manoeuvre);
     }
     state_there(filter, &ahead, &now);
-    manoeuvre_ahead(filter, &ahead, time + values[AT_HORIZON], &none);
+    manoeuvre_ahead(filter, &ahead, time + values[AT_PREDICTION_HORIZON], &none);
     state_there(filter, &ahead, &then);
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
-    write_upper(now.covariance[0], 6, values + AT_POSITION_COVARIANCE);
-    write_upper(now.covariance[3] + 3, 6, values + AT_VELOCITY_COVARIANCE);
+    write_upper(now.covariance[0], 6, values + AT_TARGET_POSITION_COVARIANCE);
+    write_upper(now.covariance[3] + 3, 6, values + AT_TARGET_VELOCITY_COVARIANCE);
     values[AT_STATUS] = now.status;
-    values[AT_VALID] = now.status == TRACKING;
+    values[AT_NAVIGATION_VALID] = now.status == TRACKING;
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     values[AT_NOISE_LASTING] = now.lasting;
@@ -348,8 +348,8 @@ static bool write_outputs(const Model *model, double *values, double time)
         values[AT_THRUST_ERROR + k] = now.thrust[k];
         values[AT_THRUST_DEVIATION + k] = sqrt(now.of_thrust[k][k]);
     }
-    memcpy(values + AT_PREDICTED, then.r, sizeof then.r);
-    write_upper(then.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
+    memcpy(values + AT_PREDICTED_POSITION, then.r, sizeof then.r);
+    write_upper(then.covariance[0], 6, values + AT_PREDICTED_POSITION_COVARIANCE);
     for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)
         if (!isfinite(values[k])) return false;
     return true;
@@ -369,9 +369,11 @@ static void begin_again(Model *model, double *values, double time)
 static void model_start(Model *model, double *values, double time)
 {
     OnlineOptions *options = &model->filter.options;
-    *options = (OnlineOptions){values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
-                               values[AT_THRUST], INFINITY, values[AT_ON_ORBIT], {{0.0}, values[AT_J2], values[AT_EQUATORIAL_RADIUS], 0.0}}; /* the end of the step bounds the time of a sample */
-    memcpy(options->orbit.elements, values + AT_ORBIT, sizeof options->orbit.elements);
+    const OnlineOrbit orbit = {{0.0}, values[AT_ORBIT_J2], values[AT_ORBIT_EQUATORIAL_RADIUS], 0.0};
+    const double longest_gap = INFINITY; /* the end of the step bounds the time of a sample */
+    *options = (OnlineOptions){values[AT_FILTER_SIGMA], values[AT_FILTER_OFFSET], values[AT_FILTER_SPEED],
+                               values[AT_CAMERA_ATTITUDE_NOISE], values[AT_FILTER_THRUST], longest_gap, values[AT_ON_ORBIT], orbit};
+    memcpy(options->orbit.elements, values + AT_ORBIT_SEMI_MAJOR_AXIS, sizeof options->orbit.elements); /* and those that follow */
     model->started = time;
     model->attitude[0] = 1.0;
     model->count = 1;

@@ -11,7 +11,7 @@
 static void model_start(Model *model, double *values, double time)
 {
     memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
-    values[AT_MEASURED_ATTITUDE] = 1.0;
+    values[AT_CAMERA_MEASURED_ATTITUDE] = 1.0;
     values[AT_SAMPLE_TIME] = time;
     model->started = time;
 }
@@ -60,16 +60,16 @@ static void take_sample(const double *values, double number, double time, Sample
     sample->outputs[AT_SAMPLE_TIME - AT_OUTPUTS] = time;
     sample->outputs[AT_SAMPLE_NUMBER - AT_OUTPUTS] = number + 1.0;
     double uniform[4], lit;
-    const double *attitude = values + AT_ATTITUDE;
+    const double *attitude = values + AT_CAMERA_ATTITUDE;
     if (!is_set(attitude, 4)) { /* it looks nowhere */
-        sample->outputs[AT_MEASURED_ATTITUDE - AT_OUTPUTS] = 1.0;
+        sample->outputs[AT_CAMERA_MEASURED_ATTITUDE - AT_OUTPUTS] = 1.0;
         return;
     }
     uniform_draws((uint64_t)values[AT_SEED], DRAW_ATTITUDE, (uint64_t)number, 0, uniform);
     const double *of_attitude[] = {attitude, values + AT_PARAMETERS, uniform};
-    double *to_attitude[] = {sample->outputs + AT_MEASURED_ATTITUDE - AT_OUTPUTS}, *to_lit[] = {&lit};
+    double *to_attitude[] = {sample->outputs + AT_CAMERA_MEASURED_ATTITUDE - AT_OUTPUTS}, *to_lit[] = {&lit};
     rig_attitude(of_attitude, to_attitude, NULL, NULL, 0);
-    const double *of_light[] = {values + AT_POSITION, values + AT_SUN, values + AT_SHADOW_RADIUS};
+    const double *of_light[] = {values + AT_ORBIT_POSITION, values + AT_SUN_DIRECTION, values + AT_SUN_SHADOW_RADIUS};
     rig_light(of_light, to_lit, NULL, NULL, 0);
     if (lit != 1.0) return;
     for (int feature = 0; feature < N_FEATURES; feature++) sight(values, attitude, (uint64_t)number, feature, sample->outputs);
@@ -91,7 +91,7 @@ static bool has_direction(const double *vector, int size, const char *name, char
 static void show_samples(Model *model, double *values, double time)
 {
     int out = 0;
-    while (out < model->waiting && model->samples[out].time + values[AT_LATENCY] <= time) out++;
+    while (out < model->waiting && model->samples[out].time + values[AT_SAMPLING_LATENCY] <= time) out++;
     if (out == 0) return;
     memcpy(values + AT_OUTPUTS, model->samples[out - 1].outputs, N_OUTPUTS * sizeof *values);
     model->waiting -= out;
@@ -102,16 +102,16 @@ static void show_samples(Model *model, double *values, double time)
    that would be out at its end only the newest is: the draws of the others are not missed. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    const double period = values[AT_PERIOD], slack = time_slack(next, fmin(period, next - time)), started = model->started;
+    const double period = values[AT_SAMPLING_PERIOD], slack = time_slack(next, fmin(period, next - time)), started = model->started;
     const double last = ceil((next - slack - started) / period) - 1.0;
-    if (is_set(values + AT_ATTITUDE, 4) && !has_direction(values + AT_ATTITUDE, 4, "camera.attitude", message)) return false;
-    if (!has_direction(values + AT_SUN, 3, "sun.direction", message)) return false;
+    if (is_set(values + AT_CAMERA_ATTITUDE, 4) && !has_direction(values + AT_CAMERA_ATTITUDE, 4, "camera.attitude", message)) return false;
+    if (!has_direction(values + AT_SUN_DIRECTION, 3, "sun.direction", message)) return false;
     if (!(last < LARGEST_NUMBER)) {
         snprintf(message, MESSAGE_SIZE, "sampling.period: found %g s, expected a longer one at a time of %g s", period, next);
         return false;
     }
     show_samples(model, values, next + slack);
-    const double newest_out = floor((next + slack - values[AT_LATENCY] - started) / period);
+    const double newest_out = floor((next + slack - values[AT_SAMPLING_LATENCY] - started) / period);
     for (double number = fmax(model->next, fmin(newest_out, last)); number <= last; number += 1.0) {
         Sample *sample = &model->samples[model->waiting++];
         sample->time = started + number * period;

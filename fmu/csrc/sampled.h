@@ -1,8 +1,9 @@
 /* A unit without continuous states: its outputs change in communication steps only.
 
    Its own header declares the struct `Model`, its state without pointers, and its own file defines three functions. Values are in
-   the order of the table of variables: inputs at AT_INPUTS, parameters at AT_PARAMETERS, outputs at AT_OUTPUTS. The parameters
-   pass the checks, all inputs are finite. A step starts with the inputs of its beginning. */
+   the order of the table of variables: inputs at AT_INPUTS, parameters at AT_PARAMETERS, outputs at AT_OUTPUTS, and each variable
+   at a constant of its name, sample.time at AT_SAMPLE_TIME. The parameters pass the checks, all inputs are finite. A step starts
+   with the inputs of its beginning. */
 
 #ifndef BARYSCOPE_SAMPLED_H
 #define BARYSCOPE_SAMPLED_H

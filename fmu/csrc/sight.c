@@ -9,7 +9,7 @@ enum {
     FEATURE_SIZE = 6,
     SIGHT_SIZE = POSE_SIZE + FEATURE_SIZE,
     N_SEEN = FEATURE_SIZE * N_FEATURES, /* outputs begin with them: all places, then all normals; parameters have them likewise */
-    BODY_IN_KNOWNS = N_INPUTS + AT_BODY - AT_PARAMETERS /* of the derivatives */
+    BODY_IN_KNOWNS = N_INPUTS + AT_TARGET_FEATURES - AT_PARAMETERS /* of the derivatives */
 };
 
 static inline void take_feature(const double all[N_SEEN], int feature, double one[FEATURE_SIZE])

@@ -100,7 +100,7 @@ static void update_outputs(Unit *unit)
     const double *arguments[] = {unit->values + AT_STATES, unit->constants};
     double *results[] = {unit->values + AT_OUTPUTS + N_SEEN, pose};
     target_run_outputs(arguments, results, NULL, NULL, 0);
-    see_features(pose, unit->values + AT_BODY, unit->values + AT_OUTPUTS);
+    see_features(pose, unit->values + AT_TARGET_FEATURES, unit->values + AT_OUTPUTS);
     unit->outputs_current = true;
 }
 
@@ -150,7 +150,7 @@ static void take_parameters(Unit *unit)
     target_constants(parameters, to_constants, NULL, NULL, 0);
     target_series_constants(parameters, to_series, NULL, NULL, 0);
     target_free_attitude_weights(constants, to_weights, NULL, NULL, 0);
-    const double tolerance = unit->values[AT_TOLERANCE];
+    const double tolerance = unit->values[AT_SOLVER_TOLERANCE];
     unit->tolerance = unit->experiment_tolerance > 0.0 ? fmin(tolerance, unit->experiment_tolerance) : tolerance;
     unit->initialised = true;
     unit->outputs_current = unit->rates_current = false;
@@ -173,7 +173,7 @@ static void start_ramps(Unit *unit)
     memcpy(ramp, rates + RATE_START, 3 * sizeof *ramp);
     if (!attitude_is_series(unit)) return;
     double inputs[N_INPUTS];
-    memcpy(inputs + AT_TORQUE, ramp, 3 * sizeof *inputs);
+    memcpy(inputs + AT_TARGET_TORQUE, ramp, 3 * sizeof *inputs);
     const double *of_ramp[] = {at_rest, inputs, unit->series_constants};
     const double *of_rate[] = {at_rest, unit->input_rates, unit->series_constants};
     double ignored[ATTITUDE_SIZE], *to_ramp[] = {ignored, ramp}, *to_rate[] = {ignored, unit->series_torque_rate};

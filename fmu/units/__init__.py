@@ -8,6 +8,7 @@ model_start, model_tune and model_step, which fmu/csrc/sampled.h describes. Its 
     Core(functions, {"CHECKS": checks.checks}, headers=("mine.h", "sampled.h"), files=("mine.c", "sampled.c"))
 
 where `functions` holds the CasADi functions that mine.c calls, and the two of `CheckSet.over(p, checks, "unit")`.
+In C a variable's place among the values has its name: that of `sample.time` is AT_SAMPLE_TIME.
 """
 
 from baryscope.fmu.units.blueprint import Blueprint, UnitKind

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.layout.platforms import FmiVersion
-from baryscope.fmu.layout.references import reference_table
 from baryscope.models.checks import Check
 from baryscope.models.scenario import Scenario
 from baryscope.models.variables import Kind, Variable
@@ -139,12 +138,6 @@ def starts_of(variables: Sequence[Variable], given: Mapping[str, ArrayLike]) -> 
     """Start values of a table's inputs and parameters in their shapes: as given, else zeros."""
     set_ones = [variable for variable in variables if variable.kind in (Kind.INPUT, Kind.PARAMETER)]
     return {v.name: np.asarray(given.get(v.name, np.zeros(v.shape)), dtype=np.float64) for v in set_ones}
-
-
-def places_of(variables: Sequence[Variable], scalars: Mapping[str, str]) -> dict[str, int]:
-    """Where scalars of a table stand in the flat vector of values: C constants → their places."""
-    at = {reference.name: reference.offset for reference in reference_table(variables)}
-    return {constant: at[scalar] for constant, scalar in scalars.items()}
 
 
 def feature_count(described: Mapping[str, tuple[int, ...]], name: str) -> int:

@@ -11,7 +11,6 @@ from baryscope.fmu.units.blueprint import (
     Section,
     UnitKind,
     feature_count,
-    places_of,
     setting_of,
     starts_of,
 )
@@ -25,8 +24,7 @@ from baryscope.fmu.units.filter import (
     work_of,
 )
 from baryscope.models.errors import InputError
-from baryscope.models.keplerian import PARAMETERS
-from baryscope.models.orbit import EARTH_RADIUS
+from baryscope.models.orbit import EARTH_RADIUS, orbit_parameters
 from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.navigation import NavigationSystem, navigation_system, navigation_table
 from baryscope.models.variables import Variable
@@ -117,64 +115,11 @@ def _starts(scenario: Scenario, system: NavigationSystem) -> dict[str, FloatArra
         "filter.thrust": THRUST,
         "onOrbit": 1.0,
     }
-    orbit: dict[str, ArrayLike] = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
     oblateness: dict[str, ArrayLike] = {
         "orbit.j2": scenario.orbit.j2 or 0.0,
         "orbit.equatorialRadius": scenario.orbit.equatorial_radius or EARTH_RADIUS,
     }
-    return starts_of(system.variables, given | orbit | oblateness)
-
-
-_PLACES = {
-    "AT_POINTS": "points[1,1]",
-    "AT_COVARIANCES": "covariances[1,1]",
-    "AT_SEEN": "seen[1]",
-    "AT_ATTITUDE": "camera.attitude[1]",
-    "AT_SAMPLE_TIME": "sample.time",
-    "AT_SAMPLE_NUMBER": "sample.number",
-    "AT_ACCELERATION": "chaser.acceleration[1]",
-    "AT_LEVER_ARM": "camera.leverArm[1]",
-    "AT_ATTITUDE_NOISE": "camera.attitudeNoise",
-    "AT_SIGMA": "filter.sigma",
-    "AT_OFFSET": "filter.offset",
-    "AT_SPEED": "filter.speed",
-    "AT_THRUST": "filter.thrust",
-    "AT_ON_ORBIT": "onOrbit",
-    "AT_ORBIT": PARAMETERS[0],
-    "AT_J2": "orbit.j2",
-    "AT_EQUATORIAL_RADIUS": "orbit.equatorialRadius",
-    "AT_HORIZON": "prediction.horizon",
-    "AT_TARGET_POSITION": "target.position[1]",
-    "AT_TARGET_VELOCITY": "target.velocity[1]",
-    "AT_POSITION_COVARIANCE": "target.positionCovariance[1]",
-    "AT_VELOCITY_COVARIANCE": "target.velocityCovariance[1]",
-    "AT_TARGET_ATTITUDE": "target.attitude[1]",
-    "AT_ATTITUDE_COVARIANCE": "target.attitudeCovariance[1]",
-    "AT_RATE": "target.angularRate[1]",
-    "AT_RATE_COVARIANCE": "target.angularRateCovariance[1]",
-    "AT_INERTIA": "target.inertia[1]",
-    "AT_TUMBLE_KNOWN": "tumble.known",
-    "AT_PREDICTED_ATTITUDE": "predicted.attitude[1]",
-    "AT_VALID": "navigation.valid",
-    "AT_STATUS": "status",
-    "AT_SIGHT": "sight.position[1]",
-    "AT_SIGHT_TIME": "sight.time",
-    "AT_RESIDUALS": "sight.residuals[1,1]",
-    "AT_FITS": "sight.fits[1]",
-    "AT_REJECTED": "sight.rejected[1]",
-    "AT_SAMPLES": "samples",
-    "AT_PROCESS_NOISE": "processNoise",
-    "AT_NOISE_RATIO": "noiseRatio",
-    "AT_NOISE_LASTING": "noiseLasting",
-    "AT_THRUST_ERROR": "thrust.error[1]",
-    "AT_THRUST_DEVIATION": "thrust.deviation[1]",
-    "AT_THRUST_EXECUTION": "thrust.execution",
-    "AT_BODY_FEATURES": "body.features[1,1]",
-    "AT_BODY_COVARIANCES": "body.covariances[1,1]",
-    "AT_BODY_KNOWN": "body.known[1]",
-    "AT_PREDICTED": "predicted.position[1]",
-    "AT_PREDICTED_COVARIANCE": "predicted.positionCovariance[1]",
-}
+    return starts_of(system.variables, given | orbit_parameters(scenario.orbit) | oblateness)
 
 
 def _core(system: NavigationSystem, features: int) -> Core:
@@ -190,7 +135,7 @@ def _core(system: NavigationSystem, features: int) -> Core:
         checks={"CHECKS": system.checks.checks},
         headers=("navigation.h", "sampled.h"),
         files=("navigation.c", "sampled.c"),
-        sizes=places_of(system.variables, _PLACES) | {"N_FEATURES": features} | work_of(filter_functions()),
+        sizes={"N_FEATURES": features} | work_of(filter_functions()),
         generated=filter_headers(),
     )
 

@@ -11,7 +11,6 @@ from baryscope.fmu.units.blueprint import (
     Section,
     UnitKind,
     feature_count,
-    places_of,
     setting_of,
     starts_of,
 )
@@ -110,34 +109,13 @@ def _starts(scenario: Scenario, system: StereoSystem) -> dict[str, FloatArray]:
     return starts_of(system.variables, given)
 
 
-_PLACES = {
-    "AT_FEATURES": "features[1,1]",
-    "AT_NORMALS": "normals[1,1]",
-    "AT_ATTITUDE": "camera.attitude[1]",
-    "AT_POSITION": "orbit.position[1]",
-    "AT_SUN": "sun.direction[1]",
-    "AT_SHADOW_RADIUS": "sun.shadowRadius",
-    "AT_PERIOD": "sampling.period",
-    "AT_LATENCY": "sampling.latency",
-    "AT_SEED": "seed",
-    "AT_PIXELS": "pixels[1,1]",
-    "AT_POINTS": "points[1,1]",
-    "AT_COVARIANCES": "covariances[1,1]",
-    "AT_SEEN": "seen[1]",
-    "AT_MEASURED_ATTITUDE": "camera.measuredAttitude[1]",
-    "AT_SAMPLE_TIME": "sample.time",
-    "AT_SAMPLE_NUMBER": "sample.number",
-}
-
-
 def _core(system: StereoSystem, features: int) -> Core:
     return Core(
         functions=(system.sight, system.attitude, system.light, system.checks.margins, system.checks.found),
         checks={"CHECKS": system.checks.checks},
         headers=("rig.h", "sampled.h"),
         files=("rig.c", "sampled.c"),
-        sizes=places_of(system.variables, _PLACES)
-        | {f"DRAW_{purpose.name}": purpose.value for purpose in Purpose}
+        sizes={f"DRAW_{purpose.name}": purpose.value for purpose in Purpose}
         | {"N_FEATURES": features, "MOST_PENDING": MOST_PENDING},
     )
 

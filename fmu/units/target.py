@@ -6,7 +6,6 @@ import numpy as np
 
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import FmiVersion
-from baryscope.fmu.layout.references import reference_table
 from baryscope.fmu.units.blueprint import (
     Blueprint,
     Core,
@@ -98,10 +97,6 @@ def _starts(scenario: Scenario) -> dict[str, FloatArray]:
 
 
 def _core(system: TumblingTarget) -> Core:
-    def place(name: str) -> int:
-        """Of a scalar variable in the unit's values."""
-        return next(reference.offset for reference in reference_table(system.variables) if reference.name == name)
-
     return Core(
         functions=(
             system.initial,
@@ -136,10 +131,6 @@ def _core(system: TumblingTarget) -> Core:
             "PLACE_SIZE": system.place_size,
             "ALWAYS_TURNED": int(Force.EDDY_CURRENTS in system.forces),
             "N_FEATURES": next(v.shape[0] for v in system.variables if v.name == "features"),
-            "AT_BODY": place("target.features[1,1]"),
-            "AT_TORQUE": place("target.torque[1]"),
-            "AT_TOLERANCE": place("solver.tolerance"),
-            "AT_GRAVITY_GRADIENT": place("gravityGradient"),
             "N_CONSTANTS": system.constants.numel_out(),
             "N_SERIES_CONSTANTS": system.series_constants.numel_out(),
             "N_WEIGHTS": system.free_attitude_form.weights.numel_out(),
