@@ -4,17 +4,17 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.geometry.symmetric import elements_of, is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST, SHORTEST_STEP, STRETCHED
 from baryscope.estimator.tables.table import read_table
-from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
+from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, arrays_of, refuse_covariances
 from baryscope.models.arguments import array_of, instance_of
 from baryscope.models.ephemeris.utc import Utc, utc_of, utc_text
 from baryscope.models.errors import InputError
@@ -154,19 +154,25 @@ class FeatureTracks:
 
     def write_rows(self, stream: TextIO) -> None:
         """Write the file of `write_csv` to a text stream that does not translate line ends."""
-        frame, feature = self.rows()
-        there = self.seen[frame, feature]  # of feature -1, too, whose frame has none
-        values = [self.position[frame, feature, axis] for axis in range(3)]
-        if self.covariance is not None:
-            values += [self.covariance[frame, feature, row, column] for row, column in UPPER]
-        columns: list[list[object]] = [
-            _times(self.time[frame], self.epoch),
-            [self.labels[index] if index >= 0 else "" for index in feature.tolist()],
-            *(_cells(column, there) for column in values),
-        ]
+        columns = self.columns()
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(COLUMNS + (COVARIANCE_COLUMNS if self.covariance is not None else ()))
-        writer.writerows(zip(*columns, strict=True))
+        writer.writerow(columns)
+        writer.writerows(zip(*map(_cells, columns.values()), strict=True))
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The columns of a table of these tracks by name: times in s, or UTC if the epoch is known, labels, numbers.
+
+        Where a feature is not seen, numbers are NaN; a row without a feature has None. See `rows`.
+        """
+        frame, feature = self.rows()
+        there = self.seen[frame, feature, None]  # of feature -1, too, whose frame has none
+        labels = np.array([*self.labels, None], dtype=object)[feature]
+        numbers = np.where(there, self.position[frame, feature], np.nan)
+        found = dict(zip(COLUMNS, (_moments(self.time[frame], self.epoch), labels, *numbers.T), strict=True))
+        if self.covariance is not None:
+            upper = np.where(there, elements_of(self.covariance[frame, feature]), np.nan)
+            found |= dict(zip(COVARIANCE_COLUMNS, upper.T, strict=True))
+        return found
 
     def rows(self) -> tuple[IntArray, IntArray]:
         """The frame and the feature of each row of a table of these tracks, frame by frame.
@@ -273,16 +279,15 @@ def _label(label: object) -> str:
     return label.strip()
 
 
-def _times(time: FloatArray, epoch: str | None) -> list[object]:
-    """Times (n,) as numbers, or as UTC texts if the epoch is known."""
+def _moments(time: FloatArray, epoch: str | None) -> NDArray[Any]:
+    """Times (n,) as they are, or in UTC if the epoch is known."""
     if epoch is None:
-        return list(time.tolist())
-    moments = utc_of(epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]")
-    return [utc_text(moment) for moment in moments]
+        return time
+    return np.asarray(utc_of(epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]"))
 
 
-def _cells(values: FloatArray, there: BoolArray) -> list[object]:
-    cells: list[object] = values.tolist()
-    for index in np.nonzero(~there)[0].tolist():
-        cells[index] = ""
-    return cells
+def _cells(values: NDArray[Any]) -> list[object]:
+    """A column as the cells of a CSV file, empty for NaN and None."""
+    if values.dtype.kind == "M":
+        return [utc_text(moment) for moment in values]
+    return ["" if cell is None or cell != cell else cell for cell in values.tolist()]  # NaN differs from itself

@@ -16,7 +16,7 @@ from baryscope.models.frames import (
     rotation_about,
     rotation_from_quaternion,
 )
-from baryscope.models.variables import AXES
+from baryscope.models.variables import AXES, UPPER
 
 SWEEPS = 5  # of Jacobi's method
 
@@ -47,6 +47,17 @@ def symmetric_matrix(elements: Sequence[Symbol]) -> Symbol:
     """A symmetric 3 × 3 matrix from its six elements in the order of AXES."""
     xx, yy, zz, xy, xz, yz = elements
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+
+
+def upper_elements(matrix: Symbol) -> Symbol:
+    """The six elements of a symmetric 3 × 3 matrix in the order of UPPER."""
+    return ca.vertcat(*(matrix["xyz".index(axes[0]), "xyz".index(axes[1])] for axes in UPPER))
+
+
+def from_upper_elements(upper: Symbol) -> Symbol:
+    """The symmetric 3 × 3 matrix of six elements in the order of UPPER."""
+    elements = dict(zip(UPPER, ca.vertsplit(upper), strict=True))
+    return symmetric_matrix([elements[axes] for axes in AXES])
 
 
 @dataclass(frozen=True)

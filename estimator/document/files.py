@@ -12,9 +12,10 @@ import numpy as np
 from baryscope.estimator.document.document import document_of
 from baryscope.estimator.formats.markers import MARKER_FORMS, with_marker
 from baryscope.estimator.formats.write import netcdf, parquet, writer_of_tracks, zarr
+from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.result import Estimate, Status
-from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
+from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath, Writer, write_together
@@ -94,10 +95,8 @@ def _write_text(content: str, stream: TextIO) -> None:
 def _columns(result: Estimate) -> list[list[object]]:
     """Time, position and covariance, whose cells are empty if there is none."""
     n = len(result.time)
-    columns: list[list[object]] = [result.time.tolist(), *(result.position[:, axis].tolist() for axis in range(3))]
-    for row, column in UPPER:
-        columns.append([None] * n if result.covariance is None else result.covariance[:, row, column].tolist())
-    return columns
+    upper = [[None] * n] * 6 if result.covariance is None else elements_of(result.covariance).T.tolist()
+    return [result.time.tolist(), *result.position.T.tolist(), *upper]
 
 
 def _predicted_columns(found: Prediction) -> list[list[object]]:

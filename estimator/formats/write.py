@@ -6,15 +6,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from baryscope.estimator.formats.c3d_write import c3d_bytes
 from baryscope.estimator.formats.dataset import dataset_of_tracks, xarray_for
 from baryscope.estimator.formats.markers import MARKER_FORMS, with_marker
 from baryscope.estimator.formats.trc import refuse_unfit, write_trc
-from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, Folder, Whole, Writer, write_together
 
@@ -58,7 +54,7 @@ def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
     """
     match writable(path, (*WRITABLE, *MARKER_FORMS)).suffix:
         case ".parquet":
-            return parquet(_rows(tracks))
+            return parquet(tracks.columns())
         case ".nc":
             return netcdf(dataset_of_tracks(tracks))
         case ".zarr":
@@ -111,20 +107,3 @@ def zarr(dataset: "Dataset") -> Folder:
         "a Zarr store",
         (".zgroup", "zarr.json"),
     )
-
-
-def _rows(tracks: FeatureTracks) -> dict[str, Any]:
-    """The columns of the CSV file, NaN and None for empty cells."""
-    frame, feature = tracks.rows()
-    there = tracks.seen[frame, feature]  # of feature -1, too, whose frame has none
-    time: Any = tracks.time[frame]
-    if tracks.epoch is not None:
-        time = utc_of(tracks.epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]")
-    labels = [tracks.labels[index] if index >= 0 else None for index in feature.tolist()]
-    found = {"time": time, "feature": labels}
-    for axis, name in enumerate(COLUMNS[2:]):
-        found[name] = np.where(there, tracks.position[frame, feature, axis], np.nan)
-    if tracks.covariance is not None:
-        for name, (i, j) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
-            found[name] = np.where(there, tracks.covariance[frame, feature, i, j], np.nan)
-    return found

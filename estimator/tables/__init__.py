@@ -11,7 +11,6 @@ from baryscope.estimator.tables.tracks import (
     COLUMNS,
     COVARIANCE_COLUMNS,
     FORM,
-    UPPER,
     arrays_of,
     refuse_covariances,
 )
@@ -20,7 +19,6 @@ __all__ = [
     "COLUMNS",
     "COVARIANCE_COLUMNS",
     "FORM",
-    "UPPER",
     "Columns",
     "Form",
     "Table",

@@ -1,20 +1,22 @@
 """The CSV form of feature tracks, one row per observation, and its rows as arrays over frames and features."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.geometry.symmetric import FULL, is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST
 from baryscope.estimator.tables.form import FloatArray, Form, IntArray
 from baryscope.estimator.tables.table import Table
 from baryscope.models.errors import InputError
+from baryscope.models.variables import UPPER
 from baryscope.models.words import counted
 
 BoolArray = NDArray[np.bool_]
 
 COLUMNS = ("time", "feature", "x", "y", "z")
-COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
-UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # matrix elements of the six columns
+COVARIANCE_COLUMNS = tuple(f"c{element}" for element in UPPER)  # what `elements_of` gives of a matrix
 MOST_PLACES = 10**8  # frames times features: 2.4 GB of positions, three times that of covariances
 FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature", "time")
 
@@ -48,9 +50,7 @@ def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], Fl
     if COVARIANCE_COLUMNS[0] not in numbers:
         return time, position, labels, None
     covariance = np.full((len(time), len(labels), 3, 3), np.nan)
-    for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
-        for entry in {(row, column), (column, row)}:
-            covariance.reshape(-1, 3, 3)[place, *entry] = numbers[name][rows]
+    covariance.reshape(-1, 3, 3)[place] = _matrices(numbers)[rows]
     return time, position, labels, covariance
 
 
@@ -62,11 +62,13 @@ def refuse_covariances(table: Table) -> None:
     """
     numbers = table.columns.numbers
     if COVARIANCE_COLUMNS[0] in numbers:
-        covariance = np.empty((len(numbers["time"]), 3, 3))
-        for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
-            covariance[:, row, column] = covariance[:, column, row] = numbers[name]
-        wrong = ~is_covariance(covariance) & ~np.isnan(numbers["x"])
+        wrong = ~is_covariance(_matrices(numbers)) & ~np.isnan(numbers["x"])
         table.refuse(wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
+
+
+def _matrices(numbers: Mapping[str, FloatArray]) -> FloatArray:
+    """The covariances (rows, 3, 3) of the six columns."""
+    return np.stack([numbers[name] for name in COVARIANCE_COLUMNS], axis=1)[:, FULL]
 
 
 def _frames(time: FloatArray) -> tuple[FloatArray, IntArray]:

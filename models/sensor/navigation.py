@@ -11,6 +11,7 @@ from math import inf
 
 import casadi as ca
 
+from baryscope.models.attitude import from_upper_elements, upper_elements
 from baryscope.models.checks import Check, CheckSet, force_checks, orbit_checks
 from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
@@ -71,12 +72,8 @@ def navigation_system(feature_count: int) -> NavigationSystem:
 def _point() -> ca.Function:
     q, arm, point, upper = (ca.SX.sym(name, size) for name, size in (("q", 4), ("arm", 3), ("p", 3), ("P", 6)))
     R_C_V = rotation_from_quaternion(normalised(q))
-    places = [(i, j) for i in range(3) for j in range(i, 3)]
-    covariance = ca.SX(3, 3)
-    for value, (i, j) in zip(ca.vertsplit(upper), places, strict=True):
-        covariance[i, j] = covariance[j, i] = value
-    turned = R_C_V @ covariance @ R_C_V.T
-    found = [R_C_V @ (point + arm), ca.vertcat(*(turned[i, j] for i, j in places))]
+    turned = R_C_V @ from_upper_elements(upper) @ R_C_V.T
+    found = [R_C_V @ (point + arm), upper_elements(turned)]
     return ca.Function("unit_point", [q, arm, point, upper], found, {"cse": True})
 
 

@@ -12,6 +12,7 @@ from math import inf, pi
 
 import casadi as ca
 
+from baryscope.models.attitude import upper_elements
 from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet
 from baryscope.models.forces import Sunlight, sunlit_share
 from baryscope.models.frames import Symbol, normalised, quaternion_product, rotation_from_quaternion
@@ -111,8 +112,7 @@ def _sight(
     seen = ca.SX(1)
     for condition in conditions:
         seen = ca.logic_and(seen, condition)
-    upper = ca.vertcat(*(covariance[i, j] for i in range(3) for j in range(i, 3)))
-    return [in_image, point_V, upper, ca.if_else(seen, 1, 0)]
+    return [in_image, point_V, upper_elements(covariance), ca.if_else(seen, 1, 0)]
 
 
 def _attitude(q: Symbol, p: Symbol, given: Mapping[str, Symbol]) -> ca.Function:

@@ -19,10 +19,11 @@ from baryscope.estimator.formats import (
     writable,
     writer_of_tracks,
 )
+from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.limits import FINEST
 from baryscope.estimator.plausibility import doubted_mark, doubted_times, refuse_implausible, width_of
-from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
+from baryscope.estimator.tables import COVARIANCE_COLUMNS
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import Writer, check_outputs, write_together
@@ -138,8 +139,7 @@ def _marker_writer(found: Joint, data: FeatureTracks, output: Path) -> Writer:
 
 def _write_path(found: Joint, stream: TextIO) -> None:
     writer = csv.writer(stream, lineterminator="\n")
-    rows, columns = np.transpose(UPPER)
-    cells = [found.time, found.position, found.position_covariance[:, rows, columns]]
+    cells = [found.time, found.position, elements_of(found.position_covariance)]
     names = ["time", "x", "y", "z", *COVARIANCE_COLUMNS]
     if (axis := found.axis_path) is not None:
         names, cells = [*names, *AXIS_COLUMNS], [*cells, axis]

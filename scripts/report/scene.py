@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.tables.tracks import UPPER
+from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 from baryscope.report.document import Ghost, Scene
@@ -57,13 +57,12 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
     path, features = body.path[keep], body.features[np.ix_(keep, chosen)]
     state = np.where(body.seen, np.where(body.rejected, 2, 1), 0)[np.ix_(keep, chosen)]
     solids = (body_points(body),) if body.solids is None else body.solids
-    upper_rows, upper_columns = zip(*UPPER, strict=True)
     ghosts = tuple(
         Ghost(
             one.label,
             one.colour,
             one.position[keep] - path,
-            None if one.covariance is None else one.covariance[keep][:, upper_rows, upper_columns],
+            None if one.covariance is None else elements_of(one.covariance[keep]),
         )
         for one in estimates
     )
