@@ -87,18 +87,6 @@ class _Poses:
         return _Poses(self.time[index], self.attitude[index], self.body[index], self.information[index])
 
 
-def fit_tumble(
-    bodies: tuple[Body, ...],
-    observations: Observations,
-    variance: float,
-    time: FloatArray,
-    orbits: tuple[Orbit | None, ...],
-    shifts: FrameShifts | None = None,
-) -> Tumble:
-    """The likeliest of `fit_tumbles`, which see."""
-    return fit_tumbles(bodies, observations, variance, time, orbits, shifts)[0]
-
-
 def fit_tumbles(
     bodies: tuple[Body, ...],
     observations: Observations,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.screws.motion import Pairs
 from baryscope.estimator.screws.screws import (
+    LEAST_ANGLE,
     NOT_CONVERGED,
     SOUND,
     TOO_FEW_POINTS,
@@ -53,7 +54,7 @@ def least_squares_screws(before: FloatArray, after: FloatArray, weights: FloatAr
     sign = np.where(angle < 0, -1.0, 1.0)
     status = np.full(len(p), SOUND)
     status[~converged] = NOT_CONVERGED
-    status[np.abs(angle) < 1e-9] = TOO_LITTLE_ROTATION
+    status[np.abs(angle) < LEAST_ANGLE] = TOO_LITTLE_ROTATION
     status[~sufficient] = TOO_FEW_POINTS
     return screws_or_nan(
         sign[:, None] * axis, origin + size[:, None] * pole, np.abs(angle), sign * size * translation, status

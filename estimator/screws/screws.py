@@ -10,6 +10,8 @@ from baryscope.estimator.geometry.alignment import quaternion_from_matrix
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+LEAST_ANGLE = 1e-9  # rad, of a rotation that has an axis
+
 # Status of a screw: SOUND (valid), or the reason why it is invalid.
 SOUND, TOO_FEW_POINTS, TOO_LITTLE_ROTATION, DEGENERATE_POINTS, NOT_CONVERGED = range(5)
 REASONS = (
@@ -56,20 +58,18 @@ def screws_or_nan(
     )
 
 
-def screws_of_poses(
-    R_C_S1: FloatArray, centre_1: FloatArray, R_C_S2: FloatArray, centre_2: FloatArray, least_angle: float = 1e-9
-) -> Screws:
+def screws_of_poses(R_C_S1: FloatArray, centre_1: FloatArray, R_C_S2: FloatArray, centre_2: FloatArray) -> Screws:
     """The screws from pose 1 to pose 2; rotations (n, 3, 3), centres (n, 3) in C, m, of the same body point.
 
     Axis and angle come from the quaternion of R₂ R₁ᵀ, which is accurate up to and at 180°, where R − Rᵀ vanishes. The
     point is the chord's midpoint plus ½ cot(θ/2) a × d⊥, d the chord of the centre. Screws with an angle up to
-    `least_angle` in rad have the status TOO_LITTLE_ROTATION.
+    LEAST_ANGLE have the status TOO_LITTLE_ROTATION.
     """
     quaternion = quaternion_from_matrix(R_C_S2 @ np.swapaxes(R_C_S1, 1, 2))
     quaternion = np.where(quaternion[:, :1] < 0, -quaternion, quaternion)
     length = np.linalg.norm(quaternion[:, 1:], axis=1)
     angle = 2 * np.arctan2(length, quaternion[:, 0])
-    turned = (length > 0) & (angle > least_angle)
+    turned = (length > 0) & (angle > LEAST_ANGLE)
     axis = quaternion[:, 1:] / np.where(turned, length, 1.0)[:, None]
     chord = centre_2 - centre_1
     translation = np.einsum("ni,ni->n", axis, chord)

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+LISTED = 3  # names in a message
+
 
 class Severity(StrEnum):
     """An error violates the FMI standard or the unit's own declarations; a warning may be intended."""
@@ -39,7 +41,7 @@ def warning(subject: str, message: str) -> Finding:
     return Finding(Severity.WARNING, subject, message)
 
 
-def listed(names: list[str], most: int = 3) -> str:
+def listed(names: list[str]) -> str:
     """The first names, and the number of the others."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+    rest = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {rest} more" if rest > 0 else "")

@@ -56,7 +56,7 @@ def interface_headers(fmi: FmiVersion) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(headers.glob(f"fmi{fmi}*.h"))}
 
 
-def build_description(model_identifier: str, main: str = MAIN) -> bytes:
+def build_description(model_identifier: str) -> bytes:
     """FMI 3's sources/buildDescription.xml: one file to compile, on every platform.
 
     The sources prefix their functions, as both standards ask; a shared library's have no prefix.
@@ -64,7 +64,7 @@ def build_description(model_identifier: str, main: str = MAIN) -> bytes:
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model_identifier)
     sources = ET.SubElement(configuration, "SourceFileSet", language=LANGUAGE)
-    ET.SubElement(sources, "SourceFile", name=main)
+    ET.SubElement(sources, "SourceFile", name=MAIN)
     ET.SubElement(
         sources,
         "PreprocessorDefinition",

@@ -1,6 +1,6 @@
 """How scenario and orbit files are read: TOML into pydantic models, errors into one line each.
 
-The unit of a field is part of its annotation (`Metres = Annotated[float, Unit("m")]`); the messages use it.
+The unit of a field is part of its annotation (`Seconds = Annotated[float, Unit("s")]`); the messages use it.
 """
 
 import tomllib
@@ -33,7 +33,6 @@ class Unit:
 
 
 # The ranges are wider than any mission. They keep squares and products of what is in them far from overflow.
-Metres = Annotated[float, Unit("m"), Field(ge=-1e9, le=1e9)]
 Seconds = Annotated[float, Unit("s"), Field(ge=-1e10, le=1e10)]
 Degrees = Annotated[float, Unit("deg"), Field(ge=-1e6, le=1e6)]
 

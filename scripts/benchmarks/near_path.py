@@ -58,12 +58,12 @@ def without_noise(path: SampledPath, x: FloatArray) -> NearPath:
     return NearPath(path.position(x), np.zeros((n, 1), dtype=np.intp), path.jacobian, np.zeros((0, 6, 12)))
 
 
-def with_noise(path: Path, x: FloatArray, time: FloatArray, density: float, spacing: float = KNOT) -> NearPath:
+def with_noise(path: Path, x: FloatArray, time: FloatArray, density: float) -> NearPath:
     """The path near x (6,) at ascending times (n,) in s, with white acceleration of a density in m²/s³.
 
     A block is the change of position, and that of velocity times the knots' distance in s.
     """
-    knots = np.linspace(time[0], time[-1], max(2, round((time[-1] - time[0]) / spacing) + 1))
+    knots = np.linspace(time[0], time[-1], max(2, round((time[-1] - time[0]) / KNOT) + 1))
     step = float(knots[1] - knots[0])
     before = np.clip(np.searchsorted(knots, time, "right") - 1, 0, len(knots) - 2)
     s = (time - knots[before]) / step

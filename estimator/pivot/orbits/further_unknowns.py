@@ -22,11 +22,10 @@ IntArray = NDArray[np.intp]
 class FurtherUnknowns:
     """The problem of a solution with further unknowns, with its weights.
 
-    alone: the path without them, at some frames, each with the weight of those it stands for; path: that with them;
-    at (p + c,): the solution's unknowns, and zeros.
+    path: that with them, at some frames, each with the weight of those it stands for; at (p + c,): the solution's
+    unknowns, and zeros.
     """
 
-    alone: SampledPath
     path: SampledPath
     linear: GaussianLikelihood
     at: FloatArray
@@ -36,8 +35,9 @@ class FurtherUnknowns:
         """The problem of a solution; columns: indices (n,) of frames → derivatives of the path there, (n, 3, c), m."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()
-        alone, added = found.sampled.frames_at(few.rows), columns(few.rows)
-        path, at = alone.extended(added), np.concatenate([found.solution.x, np.zeros(added.shape[2])])
+        added = columns(few.rows)
+        path = found.sampled.frames_at(few.rows).extended(added)
+        at = np.concatenate([found.solution.x, np.zeros(added.shape[2])])
         shifts = shifts_in(found.shifts, few.rows, count)
         problem = linearised(few.bodies, observations, path, at, shifts, found.offset_information)
-        return cls(alone, path, scaled(problem, found.variance), at)
+        return cls(path, scaled(problem, found.variance), at)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.inertia import BEYOND
 from baryscope.estimator.dynamics.rotation import Rotation
-from baryscope.estimator.ml.initial_tumble import fit_tumble
+from baryscope.estimator.ml.initial_tumble import fit_tumbles
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 from synthetic import ENVISAT, Orbit, attitude
@@ -64,7 +64,7 @@ def test_the_rotation_of_different_bodies_is_found(name):
     time = step * np.arange(float(count))
     R_I_B = attitude(inertia, np.deg2rad(rate), time)
     bodies, observations = bodies_of(R_I_B, [np.arange(count)])
-    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
+    found = fit_tumbles(bodies, observations, NOISE**2, time, (None,))[0]
     # Each attitude is off by 0.005 rad or so; the worst of a fit by 11 unknowns by 4 √(11/n) of that.
     assert greatest_error(found, R_I_B, time) < 4 * np.sqrt(11 / count) * 0.008
     # Cauchy's cost of χ²₃ values is a little below three each.
@@ -77,7 +77,7 @@ def test_rate_and_inertia_of_envisat():
     rate = np.deg2rad([1.2, 2.2, 2.4])
     R_I_B = attitude(ENVISAT, rate, time)
     bodies, observations = bodies_of(R_I_B, [np.arange(1500)])
-    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
+    found = fit_tumbles(bodies, observations, NOISE**2, time, (None,))[0]
     start = Rotation(0.0, np.eye(3), rate, ENVISAT).at(np.array([found.rotation.epoch]))
     turn = found.bodies[0]  # R_B_S: axes of the tumble against those of the first body
     np.testing.assert_allclose(turn.T @ found.rotation.rate, start.rate[0], atol=1e-3 * np.linalg.norm(rate))
@@ -97,7 +97,7 @@ def test_slow_turns_are_fitted_by_the_inertia_of_a_body():
         rate = rng.normal(size=3)
         R_I_B = attitude(inertia, 2.2e-3 * rate / np.linalg.norm(rate), time)
         bodies, observations = bodies_of(R_I_B, [np.arange(426)], seed, POINTS / 3)
-        found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
+        found = fit_tumbles(bodies, observations, NOISE**2, time, (None,))[0]
         # As above, of points at a third of the distance.
         assert greatest_error(found, R_I_B, time) < 4 * np.sqrt(11 / 426) * 3 * 0.008
         assert np.linalg.eigvalsh(found.rotation.inertia)[2] < 0.5 + 3 * BEYOND
@@ -108,7 +108,7 @@ def test_bodies_without_common_features_get_relative_attitudes_from_the_motion()
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     seen = [np.arange(0, 350), np.arange(400, 600), np.arange(650, 900)]
     bodies, observations = bodies_of(R_I_B, seen, seed=1)
-    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
+    found = fit_tumbles(bodies, observations, NOISE**2, time, (None,))[0]
     first = found.bodies[0]
     for index, R_B_S in enumerate(found.bodies):
         # Truth: R_I_B is the first body's attitude, and the points of the others are turned by R_B_S from it.
@@ -126,7 +126,7 @@ def test_wrong_attitudes_have_limited_influence():
     (body,), observations = bodies_of(R_I_B, [np.arange(500)])
     wrong = np.random.default_rng(0).random(500) < 0.02
     body.attitude[wrong] = ScipyRotation.random(int(wrong.sum()), random_state=0).as_matrix()
-    found = fit_tumble((body,), observations, NOISE**2, time, (None,))
+    found = fit_tumbles((body,), observations, NOISE**2, time, (None,))[0]
     assert greatest_error(found, R_I_B, time) < 0.005
 
 
@@ -139,7 +139,7 @@ def test_the_gravity_gradient_is_chosen_if_it_acts():
     free = Rotation(0.0, np.eye(3), rate, ENVISAT).at(time).attitude
     for R_I_B, expected in ((gravity_gradient, orbit), (free, None)):
         bodies, observations = bodies_of(R_I_B, [np.arange(200)])
-        found = fit_tumble(bodies, observations, NOISE**2, time, (None, orbit))
+        found = fit_tumbles(bodies, observations, NOISE**2, time, (None, orbit))[0]
         assert found.rotation.orbit == expected
         assert greatest_error(found, R_I_B, time) < 0.008
 
@@ -149,4 +149,4 @@ def test_too_few_frames_are_refused():
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     bodies, observations = bodies_of(R_I_B, [np.arange(3)])
     with pytest.raises(ComputationError, match="features are not followed for long enough"):
-        fit_tumble(bodies, observations, NOISE**2, time, (None,))
+        fit_tumbles(bodies, observations, NOISE**2, time, (None,))

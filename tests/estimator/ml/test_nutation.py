@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.ml.initial_tumble import fit_tumble
+from baryscope.estimator.ml.initial_tumble import fit_tumbles
 from baryscope.estimator.ml.nutation import near_spins
 from baryscope.estimator.registration.body import Body
 
@@ -54,7 +54,7 @@ def test_the_moments_of_a_body_that_hardly_nutates(name):
     body = Body(np.arange(m), np.arange(frames), POINTS, seen)
     observations = Observations(np.zeros((frames, m, 3)), np.ones((frames, m)))
     # Each axis of attitude has the information of four points at one metre from it.
-    found = fit_tumble((body,), observations, 4 * NOISE**2, time, (None,))
+    found = fit_tumbles((body,), observations, 4 * NOISE**2, time, (None,))[0]
     np.testing.assert_allclose(np.linalg.eigvalsh(found.rotation.inertia), np.linalg.eigvalsh(inertia), atol=0.04)
     predicted = found.rotation.at(time).attitude @ found.bodies[0]
     error = Rotation.from_matrix(np.swapaxes(predicted, 1, 2) @ true).magnitude()

@@ -11,7 +11,6 @@ from baryscope.study.population.second.chance import TURN
 from baryscope.study.population.second.orbits import MU, Elements
 
 FloatArray = NDArray[np.float64]
-_When = tuple[float, FloatArray]
 
 
 def relative_motion(orbit: Elements, start: float, state: FloatArray, times: FloatArray) -> FloatArray:
