@@ -30,7 +30,7 @@ from baryscope.models.approach.reckoning import (
 )
 from baryscope.models.approach.thrusters import believable, command_for, sight_rate
 from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_matrix
-from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
+from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks, symbols_of
 from baryscope.models.frames import (
     Symbol,
     normalised,
@@ -66,8 +66,8 @@ def approach_system() -> ApproachSystem:
     """Build the symbolic system."""
     table = approach_table()
     step, kept = ca.SX.sym("step", 2), ca.SX.sym("kept", SIZE)
-    inputs, u = _symbols(table, Kind.INPUT)
-    parameters, p = _symbols(table, Kind.PARAMETER)
+    inputs, u = symbols_of(table, Kind.INPUT)
+    parameters, p = symbols_of(table, Kind.PARAMETER)
     values, keep = _outputs(step, Belief.of(kept), inputs, parameters)
     y = ca.vertcat(*(values[variable.name] for variable in table if variable.kind == Kind.OUTPUT))
     return ApproachSystem(
@@ -75,11 +75,6 @@ def approach_system() -> ApproachSystem:
         outputs=ca.Function("unit_outputs", [step, kept, u, p], [y, keep.column], {"cse": True}),
         checks=CheckSet.over(p, _checks(parameters), "unit"),
     )
-
-
-def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
-    symbols = {variable.name: ca.SX.sym(variable.name, variable.size) for variable in table if variable.kind == kind}
-    return symbols, ca.vertcat(*symbols.values())
 
 
 def _outputs(

@@ -12,7 +12,7 @@ from math import inf
 import casadi as ca
 
 from baryscope.models.attitude import from_upper_elements, upper_elements
-from baryscope.models.checks import Check, CheckSet, force_checks, orbit_checks
+from baryscope.models.checks import Check, CheckSet, force_checks, orbit_checks, symbols_of
 from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
 from baryscope.models.variables import (
@@ -58,14 +58,13 @@ class NavigationSystem:
 def navigation_system(feature_count: int) -> NavigationSystem:
     """Build the symbolic system for a target with `feature_count` features."""
     table = navigation_table(feature_count)
-    own = [variable for variable in table if variable.kind == Kind.PARAMETER]
-    given = {variable.name: ca.SX.sym(variable.name, variable.size) for variable in own}
+    given, p = symbols_of(table, Kind.PARAMETER)
     return NavigationSystem(
         variables=table,
         point=_point(),
         attitude=_attitude(),
         push=_push(),
-        checks=CheckSet.over(ca.vertcat(*given.values()), _checks(given), "unit"),
+        checks=CheckSet.over(p, _checks(given), "unit"),
     )
 
 
@@ -142,7 +141,10 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("target.inertia", "1", f"Inertia over its trace, body axes{unknown}", (6,), axes=AXES),
         shown("tumble.known", "1", "Whether the target tumbles freely, and how is known", boolean=True),
         shown("navigation.valid", "1", "Whether the filter tracks the target: status is 2", boolean=True),
-        shown("status", "1", ", ".join(f"{k}: {word}" for k, word in enumerate(STATUSES)), limits=(0.0, 4.0)),
+        shown(
+            "status", "1", ", ".join(f"{k}: {word}" for k, word in enumerate(STATUSES)),
+            limits=(0.0, len(STATUSES) - 1.0),
+        ),
         shown("sight.position", "m", "Where the last sample saw features, in the mean, frame C; 0: none", (3,)),
         shown("sight.time", "s", "sample.time of the last sample that was taken"),
         shown("sight.residuals", "m", "How far its points are off the map, frame C; 0 where not known", (n, 3)),

@@ -13,7 +13,7 @@ from math import inf, pi
 import casadi as ca
 
 from baryscope.models.attitude import upper_elements
-from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet
+from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet, symbols_of
 from baryscope.models.forces import Sunlight, sunlit_share
 from baryscope.models.frames import Symbol, normalised, quaternion_product, rotation_from_quaternion
 from baryscope.models.sensor.draws import normals_of
@@ -60,7 +60,7 @@ class StereoSystem:
 def stereo_system(feature_count: int) -> StereoSystem:
     """Build the symbolic system for a target with `feature_count` features."""
     table = rig_table(feature_count)
-    given, p = _symbols([variable for variable in table if variable.kind == Kind.PARAMETER])
+    given, p = symbols_of(table, Kind.PARAMETER)
     q = ca.SX.sym("q", 4)
     point, normal = ca.SX.sym("point", 3), ca.SX.sym("normal", 3)
     draws = [ca.SX.sym(name, 4) for name in ("noise", "fate", "blunder")]
@@ -73,11 +73,6 @@ def stereo_system(feature_count: int) -> StereoSystem:
         light=ca.Function("rig_light", [position, sun, radius], [ca.if_else(share >= LIT, 1, 0)]),
         checks=CheckSet.over(p, _checks(given), "unit"),
     )
-
-
-def _symbols(variables: list[Variable]) -> tuple[dict[str, Symbol], Symbol]:
-    symbols = {variable.name: ca.SX.sym(variable.name, variable.size) for variable in variables}
-    return symbols, ca.vertcat(*symbols.values())
 
 
 def _sight(
