@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from baryscope.estimator.limits import COARSEST, FINEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.thrust import KnownAcceleration
@@ -16,7 +16,8 @@ Noise = Literal["auto", "stereo", "fixed"]
 ConstantAxes = Literal["none", "lvlh", "inertial", "drag", "sun"]
 Burns = Literal["auto", "none"]
 Torque = Literal["none", "gravity-gradient"]
-Density = float | Literal["auto", "none"]
+DensityWord = Literal["auto", "none"]
+Density = float | DensityWord
 
 HIGHEST_DEGREE = 20  # of a polynomial path
 DENSEST = 1e6  # m²/s³ or rad²/s³: a kilometre per second after a second
@@ -49,8 +50,8 @@ class ScrewOptions:
             if self.degree != int(self.degree):
                 raise InputError(f"degree is {self.degree}, expected a whole number, 0 to {HIGHEST_DEGREE}")
             object.__setattr__(self, "degree", int(self.degree))
-        _check_one_of("axes", self.axes, ("inertial", "lvlh"))
-        _check_one_of("reference", self.reference, ("mean", "first"))
+        _check_one_of("axes", self.axes, get_args(Axes))
+        _check_one_of("reference", self.reference, get_args(Reference))
 
 
 @dataclass(frozen=True)
@@ -91,15 +92,15 @@ class PathOptions:
         if not isinstance(self.trajectory, str | None):
             raise InputError(f"trajectory is {self.trajectory!r}, expected a text as polynomial:2")
         _keep(self, "sigma", FINEST, COARSEST, f"a standard deviation of {FINEST:g} to {COARSEST:g} m")
-        _check_one_of("noise", self.noise, ("auto", "stereo", "fixed"))
-        _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
-        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "inertial", "drag", "sun"))
-        _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
+        _check_one_of("noise", self.noise, get_args(Noise))
+        _check_one_of("torque", self.torque, (None, *get_args(Torque)))
+        _check_one_of("constant_acceleration", self.constant_acceleration, get_args(ConstantAxes))
+        _check_one_of("unknown_burns", self.unknown_burns, get_args(Burns))
         if not isinstance(self.acceleration, KnownAcceleration | None):
             raise InputError(f"acceleration: found {type(self.acceleration).__name__}, expected KnownAcceleration")
         for name, unit in (("process_noise", "m²/s³, of a fixed path m²"), ("torque_noise", "rad²/s³")):
             if isinstance(getattr(self, name), str):
-                _check_one_of(name, getattr(self, name), ("auto", "none"))
+                _check_one_of(name, getattr(self, name), get_args(DensityWord))
             else:
                 expected = f"auto, none or a density above 0 to {DENSEST:g} {unit}"
                 _keep(self, name, math.ulp(0.0), DENSEST, expected, optional=False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,7 +70,7 @@ class KnownAcceleration:
             raise InputError(
                 f"acceleration: {values[row].tolist()} at {moments[row]} s, expected within ±{STRONGEST:g} m/s²"
             )
-        if axes not in ("inertial", "lvlh", "camera"):
+        if axes not in get_args(AccelerationAxes):
             raise InputError(f"acceleration: axes are {axes!r}, expected inertial, lvlh or camera")
         if axes == "camera" and attitude is None:
             raise InputError("acceleration: axes are camera, which needs the camera's attitude")

@@ -1,12 +1,12 @@
 """Options of the command line for the method and its model of path, noise and torque, or for its screws."""
 
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal
+from typing import Any
 
 from cyclopts import Parameter
 
 from baryscope.estimator.methods import METHODS, PREDICTING, TURNING
-from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
+from baryscope.estimator.options import Axes, Burns, Density, Noise, Options, Reference, Torque
 from baryscope.models.errors import InputError
 from baryscope.scripts.cli.options.whole import Whole
 
@@ -59,9 +59,9 @@ class PathChoices:
     sigma: float | None = None
     noise: Noise | None = None
     torque: Torque | None = None
-    process_noise: float | Literal["auto", "none"] | None = None
+    process_noise: Density | None = None
     unknown_burns: Burns | None = None
-    torque_noise: float | Literal["auto", "none"] | None = None
+    torque_noise: Density | None = None
 
 
 @Parameter(name="*")
