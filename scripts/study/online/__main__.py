@@ -7,7 +7,6 @@ prefer_one_thread()
 import argparse  # noqa: E402
 import sys  # noqa: E402
 from functools import partial  # noqa: E402
-from pathlib import Path  # noqa: E402
 
 from baryscope.estimator.methods import PREDICTING  # noqa: E402
 from baryscope.models.errors import InputError  # noqa: E402
@@ -22,16 +21,12 @@ def main(arguments: list[str] | None = None) -> int:
     """The command: 0 if it could do what it is asked for."""
     parser = argparse.ArgumentParser(prog="python -m baryscope.study.online", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    runner = commands.add_parser("run", help="fly draws that the file does not have yet, and add them to it")
-    runner.add_argument("--seed", type=command.natural, default=1)
+    runner = command.add_filling(commands, "fly draws", "a draw", 120.0)
     runner.add_argument("--draws", type=command.natural, default=100)
     runner.add_argument("--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE")
     runner.add_argument(
         "--beside", nargs="+", default=[], choices=PREDICTING, metavar="METHOD", help="from the same frames"
     )
-    runner.add_argument("--workers", type=command.positive, default=1)
-    runner.add_argument("--limit", type=float, default=120.0, help="s for a draw, then its process is killed")
-    runner.add_argument("-o", "--output", type=Path, required=True)
     runner.set_defaults(run=_run)
     endurer = commands.add_parser("endure", help="a day of frames: time, memory, error and claim, hour by hour")
     endurer.add_argument("--hours", type=float, default=24.0)

@@ -12,7 +12,7 @@ from baryscope.study.population.running import Line, Task, append, lines_of, run
 
 
 def add_run(commands: Any, what: str, methods: Collection[str], usual: Sequence[str], limit: float) -> Any:
-    """The parser of `run`, with the options of every suite; what: is estimated; methods: that can be chosen."""
+    """The parser of `run` of suites that estimate; what: is estimated; methods: that can be chosen."""
 
     def chosen(text: str) -> list[str]:
         names = text.split(",")
@@ -21,11 +21,20 @@ def add_run(commands: Any, what: str, methods: Collection[str], usual: Sequence[
                 raise argparse.ArgumentTypeError(f"found {name!r}, expected some of {', '.join(methods)}")
         return names
 
-    parser = commands.add_parser("run", help=f"estimate {what} that the file does not have yet, and add them to it")
-    parser.add_argument("--seed", type=natural, default=1)
+    parser = add_filling(commands, f"estimate {what}", "an estimate", limit)
     parser.add_argument("--methods", type=chosen, default=list(usual))
+    return parser
+
+
+def add_filling(commands: Any, what: str, each: str, limit: float) -> Any:
+    """The parser of `run` of any suite, with what `fill` needs.
+
+    what: is done, in words, with each of what else; limit: of the time for one, s.
+    """
+    parser = commands.add_parser("run", help=f"{what} that the file does not have yet, and add them to it")
+    parser.add_argument("--seed", type=natural, default=1)
     parser.add_argument("--workers", type=positive, default=1)
-    parser.add_argument("--limit", type=float, default=limit, help="s for an estimate, then its process is killed")
+    parser.add_argument("--limit", type=float, default=limit, help=f"s for {each}, then its process is killed")
     parser.add_argument("-o", "--output", type=Path, required=True)
     return parser
 
