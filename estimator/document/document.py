@@ -121,6 +121,11 @@ def _process_noise(noise: ProcessNoise) -> ProcessNoisePart:
     )
 
 
+def kind_of(finding: type[Finding]) -> str:
+    """The kind of a finding, as the document names it: lack-of-fit of LackOfFit."""
+    return re.sub("(?<=[a-z])(?=[A-Z])", "-", finding.__name__).lower()
+
+
 def _finding(finding: Finding) -> FindingPart:
-    kind = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(finding).__name__).lower()  # LackOfFit: lack-of-fit
-    return FindingPart.model_validate({"kind": kind, "text": sentence(finding)} | asdict(finding))
+    own = {"kind": kind_of(type(finding)), "text": sentence(finding)}
+    return FindingPart.model_validate(own | asdict(finding))

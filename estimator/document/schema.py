@@ -117,7 +117,9 @@ class FindingPart(Part):
     ]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
-    magnitude: float | None = Field(None, description="departure of the path, m: rms, or median of the frames left out")
+    magnitude: float | None = Field(
+        None, description="lack-of-fit, departure: of the path from its model, rms, m; frames-left-out: median, m"
+    )
     chi_square: float | None = Field(
         None,
         description="lack-of-fit: decrease of the normalised squares by a cubic in time, by score of degree 4",

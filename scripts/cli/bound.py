@@ -24,7 +24,7 @@ from baryscope.table import Table
 
 Number = TypeVar("Number", bound=float)
 
-NOT_IN_BOUND = {Force.DRAG, Force.LIGHT, Force.EDDY_CURRENTS}
+IN_BOUND = frozenset({Force.J2})
 
 
 @Parameter(name="*")
@@ -116,7 +116,7 @@ def bound(
     if output is not None:
         check_outputs(bound_paths(output), [scenario_path(scenario)])
     consider = None if rig is None else load_rig(rig)
-    if left_out := sorted(base.forces & NOT_IN_BOUND):
+    if left_out := sorted(base.forces - IN_BOUND):
         show.remark(f"{scenario}: the bound takes no account of its {' and '.join(left_out)}")
     if lists.empty and not table and output is None:
         words = path_in_words(base, trajectory, process_noise)

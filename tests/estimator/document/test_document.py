@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
-from baryscope.estimator.document.document import rejected_intervals
-from baryscope.estimator.document.schema import EstimateDocument, schema, schema_text
+from baryscope.estimator.document.document import kind_of, rejected_intervals
+from baryscope.estimator.document.schema import EstimateDocument, FindingPart, schema, schema_text
 from baryscope.estimator.findings import DifferentPoints, Finding, LackOfFit, WrongSigma
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
@@ -121,6 +121,15 @@ def test_every_finding_can_be_written():
     assert {finding.__name__.lower() for finding in get_args(Finding)} == names
     for finding in get_args(Finding):
         assert {field.name for field in fields(finding)} <= set(properties), finding.__name__
+
+
+@pytest.mark.parametrize("field", sorted(set(FindingPart.model_fields) - {"kind", "text"}))
+def test_the_schema_says_which_findings_have_a_field(field):
+    """That of `magnitude` named departure alone, which lack-of-fit and frames-left-out have, too."""
+    text = FindingPart.model_fields[field].description
+    having = {kind_of(finding) for finding in get_args(Finding) if field in {one.name for one in fields(finding)}}
+    kinds = map(kind_of, get_args(Finding))
+    assert {kind for kind in kinds if re.search(rf"(?<![\w-]){kind}(?![\w-])", text)} == having
 
 
 def test_the_page_names_every_field():
