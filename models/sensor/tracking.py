@@ -47,9 +47,10 @@ def observe(
     """Simulate the scenario's tracking and sensor on the true positions of the features.
 
     A feature is seen while a tracking interval names it, while it faces the chaser (if the scenario asks for that),
-    unless the observation is dropped, and if a rig measures in its images a disparity that tells a depth. Noise, dropout
-    and blunders are drawn by counter (`draws`) for every feature at every time, as in the unit StereoRig: a change of one
-    of them, or of the intervals, leaves the others as they were. Only swaps depend on which features are seen.
+    unless the observation is dropped, and if a rig measures in its images a disparity that tells a depth. Noise,
+    dropout and blunders are drawn by counter (`draws`) for every feature at every time, as in the unit StereoRig: a
+    change of one of them, or of the intervals, leaves the others as they were. Only swaps depend on which features are
+    seen.
 
     Args:
         scenario: gives intervals, visibility, sensor and seed.
