@@ -1,13 +1,12 @@
 """`baryscope estimate`: the centre of mass from a file of tracks, without a unit and without truth."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from numpy.typing import NDArray
 
 from baryscope.estimator.document.files import write_estimate
 from baryscope.estimator.formats import MARKER_FORMS, WRITABLE, Unit, read_tracks, refuse_unmarkable, writable
@@ -20,8 +19,10 @@ from baryscope.estimator.plausibility import (
     doubted_times,
     refuse_implausible,
 )
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
+from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.files import check_outputs
 from baryscope.models.words import counted, length
@@ -83,81 +84,147 @@ def estimate_file(
         All else goes beside it, into a .json file, the report into a .report.html file, and a prediction into a
         .prediction.csv file. Default: the tracks' name with .estimate.csv.
     """
-    show, frames, forces = show or Show(), frames or FrameChoices(), forces or ForceChoices()
-    prediction = prediction or PredictionChoices()
+    show = show or Show()
+    chosen = _Choices(frames or FrameChoices(), forces or ForceChoices(), prediction or PredictionChoices())
     if not tracks.name:
         raise InputError(f"{tracks}: is a folder, expected feature tracks")
-    output = writable(output or tracks.with_suffix(".estimate.csv"), (*WRITABLE, *MARKER_FORMS))
-    given = path or PathChoices(), screws or ScrewChoices(), forces.chosen()
-    method, options = method_options(method, *given, orbit=frames.orbit is not None)
-    frames.check(forces.acceleration)
-    prediction.check(method)
-    diagnostics, report_file = output.with_suffix(".json"), output.with_suffix(".report.html")
-    ahead = prediction_path(output)
-    written = [output, diagnostics, ahead, report_file]
-    read = [tracks, *frames.files(), *([] if forces.acceleration is None else [forces.acceleration])]
-    check_outputs(written, read)
+    files = _Files(writable(output or tracks.with_suffix(".estimate.csv"), (*WRITABLE, *MARKER_FORMS)))
+    given = path or PathChoices(), screws or ScrewChoices(), chosen.forces.chosen()
+    method, options = method_options(method, *given, orbit=chosen.frames.orbit is not None)
+    chosen.frames.check(chosen.forces.acceleration)
+    chosen.prediction.check(method)
+    check_outputs(files.all, [tracks, *chosen.files])
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = recorded = read_tracks(tracks, units)
             if features is not None:
                 data = named_features(data, features, "--features", LEAST_FEATURES)
             refuse_implausible(data, str(tracks))
-            if frames.orbit is None and (doubt := doubted_times(data)) is not None:
+            if chosen.frames.orbit is None and (doubt := doubted_times(data)) is not None:
                 show.remark(f"{tracks}: {doubt}")
             if (mark := doubted_mark(data)) is not None:
                 show.remark(f"{tracks}: {mark}")
-            known = frames.read(data)
-            if output.suffix in MARKER_FORMS:
-                refuse_unmarkable(recorded, output)
-            data = known.dated(data)
-            options, request = forces.read_into(options, known.epoch, known.camera), prediction.of(data)
-            for line in _doubts(frames, forces, known, options, data.time, request):
+            read = _read(recorded, data, options, chosen, files)
+            for line in _doubts(chosen, read):
                 show.remark(line)
         with stage(progress, f"estimating by {method}") as share:
+            known = read.known
             result = estimate(
-                data, method=method, orbit=known.orbit, options=options, camera=known.camera, progress=share
+                read.data, method=method, orbit=known.orbit, options=read.options, camera=known.camera, progress=share
             )
             result = replace(result, epoch=known.epoch or result.epoch)
-    lines = summary(result)
-    made = None if request is None else request.made(result)
-    refused, predicted = (made, None) if isinstance(made, Refused) else (None, made)
-    chart = None
-    if predicted is not None:
-        lines.append(prediction.line(predicted, ahead))
-        chart = prediction_chart(predicted, lines[-1])
-    page = None
-    if report:
-        page = html_of(report_of_estimate(result, known.inertial(data), known.orbit, tracks.name, chart))
-        lines.append(f"report, for a browser: {report_file}")
-    markers = None
-    if output.suffix in MARKER_FORMS:
-        markers = known.inertial(recorded)
-        lines.append(_marker_line(result, output))
-    write_estimate(result, output, predicted, {report_file: page}, markers)
-    if refused is not None:
-        show.warn(f"no prediction: {refused.reason}")
-    lines.append(f"more in {diagnostics}")
-    document = json.loads(diagnostics.read_text(encoding="utf-8"))
-    show.result(document, _headline(result, output), *(f"  {line}" for line in lines))
-    return 0 if result.status.trustworthy and refused is None else UNTRUSTED
+    made = None if read.request is None else read.request.made(result)
+    words = _write(result, read, made, chosen.prediction, files, tracks.name if report else None)
+    if isinstance(made, Refused):
+        show.warn(f"no prediction: {made.reason}")
+    lines = [*summary(result), *words, f"more in {files.diagnostics}"]
+    document = json.loads(files.diagnostics.read_text(encoding="utf-8"))
+    show.result(document, _headline(result, files.estimate), *(f"  {line}" for line in lines))
+    return 0 if result.status.trustworthy and not isinstance(made, Refused) else UNTRUSTED
 
 
-def _doubts(
-    frames: FrameChoices,
-    forces: ForceChoices,
-    known: Frames,
-    options: Options,
-    times: NDArray[np.float64],
-    request: AskedFor | None,
+@dataclass(frozen=True)
+class _Choices:
+    """What is chosen beside the method."""
+
+    frames: FrameChoices
+    forces: ForceChoices
+    prediction: PredictionChoices
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that are read beside the tracks."""
+        return [*self.frames.files(), *([] if self.forces.acceleration is None else [self.forces.acceleration])]
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The files that are written: that of the path, and those beside it."""
+
+    estimate: Path
+
+    @property
+    def diagnostics(self) -> Path:
+        return self.estimate.with_suffix(".json")
+
+    @property
+    def prediction(self) -> Path:
+        return prediction_path(self.estimate)
+
+    @property
+    def report(self) -> Path:
+        return self.estimate.with_suffix(".report.html")
+
+    @property
+    def all(self) -> list[Path]:
+        return [self.estimate, self.diagnostics, self.prediction, self.report]
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """What an estimate is made of: the tracks as they are in their file, recorded; data, those of the features that are
+    used, with the epoch that is known; orbit and camera; the method's options; and the prediction that is asked for.
+    """
+
+    recorded: FeatureTracks
+    data: FeatureTracks
+    known: Frames
+    options: Options
+    request: AskedFor | None
+
+
+def _read(recorded: FeatureTracks, data: FeatureTracks, options: Options, chosen: _Choices, files: _Files) -> _Read:
+    """What is read beside the tracks, and what it makes of them and of the options.
+
+    Raises:
+        InputError: a file is wrong, or the form of the output cannot hold the recording.
+    """
+    known = chosen.frames.read(data)
+    if files.estimate.suffix in MARKER_FORMS:
+        refuse_unmarkable(recorded, files.estimate)
+    data = known.dated(data)
+    options = chosen.forces.read_into(options, known.epoch, known.camera)
+    return _Read(recorded, data, known, options, chosen.prediction.of(data))
+
+
+def _write(
+    result: Estimate,
+    read: _Read,
+    made: Prediction | Refused | None,
+    prediction: PredictionChoices,
+    files: _Files,
+    title: str | None,
 ) -> list[str]:
-    """What to say of files beside the tracks whose times (n,), s, are hardly those of the tracks, in lines."""
+    """Write the files; what they are, in lines. title: of the report, None without one.
+
+    Raises:
+        InputError, DiskError: a file cannot be written.
+        ComputationError: the status of an estimate for motion capture is not good.
+    """
+    predicted = None if isinstance(made, Refused) else made
+    lines, chart, page, markers = [], None, None, None
+    if predicted is not None:
+        lines.append(prediction.line(predicted, files.prediction))
+        chart = prediction_chart(predicted, lines[-1])
+    if title is not None:
+        page = html_of(report_of_estimate(result, read.known.inertial(read.data), read.known.orbit, title, chart))
+        lines.append(f"report, for a browser: {files.report}")
+    if files.estimate.suffix in MARKER_FORMS:
+        markers = read.known.inertial(read.recorded)
+        lines.append(_marker_line(result, files.estimate))
+    write_estimate(result, files.estimate, predicted, {files.report: page}, markers)
+    return lines
+
+
+def _doubts(chosen: _Choices, read: _Read) -> list[str]:
+    """What to say of files beside the tracks whose times are hardly those of the tracks, in lines."""
     doubts: list[tuple[Path | None, str | None]] = []
+    options, camera, times = read.options, read.known.camera, read.data.time
     if isinstance(options, PathOptions) and options.acceleration is not None:
-        asked = times if request is None else np.concatenate([times, request.time])
-        doubts.append((forces.acceleration, doubted_log(options.acceleration, asked)))
-    if known.camera is not None:
-        doubts.append((frames.camera, doubted_attitude(known.camera.attitude, times)))
+        asked = times if read.request is None else np.concatenate([times, read.request.time])
+        doubts.append((chosen.forces.acceleration, doubted_log(options.acceleration, asked)))
+    if camera is not None:
+        doubts.append((chosen.frames.camera, doubted_attitude(camera.attitude, times)))
     return [f"{file}: {doubt}" for file, doubt in doubts if doubt is not None]
 
 
