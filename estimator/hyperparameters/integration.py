@@ -18,8 +18,8 @@ from baryscope.estimator.hyperparameters.evidence import (
     likeliest_without,
     maximise,
     ranges,
-    solved,
 )
+from baryscope.estimator.hyperparameters.mixture import Mixture, Reduced
 from baryscope.estimator.paths.prior import Alternative, Prior
 
 FloatArray = NDArray[np.float64]
@@ -174,7 +174,7 @@ def _over_one(best: _Best, index: int) -> _Single:
     values = np.array([at[index] for at in points])
     centre = float(weight @ values)
     deviation = float(np.sqrt(weight @ (values - centre) ** 2))
-    mixture = _Mixture.of(linear, prior, points, weight)
+    mixture = Mixture.of(linear, prior, points, weight)
     of_x = mixture.within
     if optional:
         order = np.argsort(values)
@@ -189,19 +189,19 @@ def _over_one(best: _Best, index: int) -> _Single:
     )
 
 
-def _over_several(best: _Best, joint: BoolArray) -> tuple["_Mixture", float]:
+def _over_several(best: _Best, joint: BoolArray) -> tuple[Mixture, float]:
     """The integration over the hyperparameters (h,) that share unknowns, on a lattice along their principal axes.
 
     With the share, in the covariance, of what may vanish; 1 if nothing may.
     """
     prior, theta, bounds = best.prior, best.theta, best.bounds
-    few = _Reduced.of(best.linear, prior, theta, np.any(prior.uses[:, joint], axis=1))
+    few = Reduced.of(best.linear, prior, theta, np.any(prior.uses[:, joint], axis=1))
     steps = _principal_steps(few.linear, few.prior, theta, joint, bounds)
     points, costs = _lattice(few.linear, few.prior, theta, steps, bounds)
     at_ends = np.abs(np.array(points)[:, None] - bounds.T).min(axis=1) <= EDGE
     # By the trapezoidal rule; one without a range is at its ends in all points.
     weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
-    mixture = few.whole(_Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
+    mixture = few.whole(Mixture.of(few.linear, few.prior, points, weight / weight.sum()))
     vanishing = [int(index) for index in np.flatnonzero(joint) if prior.hyperparameters[index].vanishing]
     if not vanishing:
         return mixture, 1.0
@@ -209,16 +209,16 @@ def _over_several(best: _Best, joint: BoolArray) -> tuple["_Mixture", float]:
     still, less = _without(few.linear, few.prior, theta, vanishing[0], bounds)
     nothing = 1 / (1 + mass * np.exp(min((less - min(costs)) / 2, EXCLUDED)))
     share = _claimed_share(1 - nothing)
-    other = few.whole(_Mixture.of(few.linear, few.prior, [still], np.ones(1)))
+    other = few.whole(Mixture.of(few.linear, few.prior, [still], np.ones(1)))
     return mixture.or_else(other, nothing, share), share
 
 
-def _of_both(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, other: Alternative) -> "_Mixture":
+def _of_both(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, other: Alternative) -> Mixture:
     """The posterior of x for θ (h,) or for another explanation, with the hyperparameters that are likeliest there."""
     instead = prior.instead(other)
     there = maximise(linear, instead, theta)
     probability = 1 / (1 + np.exp(min((cost(linear, instead, there) - cost(linear, prior, theta)) / 2, EXCLUDED)))
-    own, others = (_Mixture.of(linear, at, [where], np.ones(1)) for at, where in ((prior, theta), (instead, there)))
+    own, others = (Mixture.of(linear, at, [where], np.ones(1)) for at, where in ((prior, theta), (instead, there)))
     if np.trace(own.within) < np.trace(others.within):
         own, others, probability = others, own, 1 - probability
     return own.or_else(others, probability, _claimed_share(1 - probability))
@@ -317,75 +317,6 @@ def _along(
             points.append(at)
             costs.append(value)
     return points, costs
-
-
-@dataclass(frozen=True, eq=False)
-class _Mixture:
-    """Of the posteriors of x at several θ with weights: mean (p,), mean covariance (p, p), and that of their means."""
-
-    mean: FloatArray
-    within: FloatArray
-    between: FloatArray
-
-    @classmethod
-    def of(cls, linear: GaussianLikelihood, prior: Prior, points: list[FloatArray], weight: FloatArray) -> "_Mixture":
-        """The mixture of the posteriors at the points; weights (k,) of sum 1."""
-        means, within = [], np.zeros_like(linear.information)
-        for share, at in zip(weight, points, strict=True):
-            own, covariance = conditional(linear, prior, at)
-            means.append(own)
-            within += share * covariance
-        mean = weight @ np.array(means)
-        apart = np.array(means) - mean
-        return cls(mean, within, (weight[:, None] * apart).T @ apart)
-
-    def or_else(self, other: "_Mixture", probability: float, claimed: float) -> "_Mixture":
-        """This mixture or another one, of which there is a probability; claimed: this one's share in the covariance."""
-        apart = np.outer(other.mean - self.mean, other.mean - self.mean)
-        own, others = self.between + probability**2 * apart, other.between + (1 - probability) ** 2 * apart
-        return _Mixture(
-            (1 - probability) * self.mean + probability * other.mean,
-            claimed * self.within + (1 - claimed) * other.within,
-            claimed * own + (1 - claimed) * others,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """A likelihood of the k unknowns z whose priors change, and their prior; others that have one are eliminated.
-
-    The posterior of all, x (p,), given z, has the mean constant + along z, (p,) and (p, k), and the covariance given
-    (p, p). So there are far fewer unknowns at each of many points, as where process noise has many modes.
-    """
-
-    linear: GaussianLikelihood
-    prior: Prior
-    constant: FloatArray
-    along: FloatArray
-    given: FloatArray
-
-    @classmethod
-    def of(cls, linear: GaussianLikelihood, prior: Prior, theta: FloatArray, changing: BoolArray) -> "_Reduced":
-        """For hyperparameters θ (h,) that stay, but for those that the priors of the changing unknowns (p,) have."""
-        size, others = len(changing), ~(changing | prior.free)
-        constant, along, given = np.zeros(size), np.eye(size)[:, ~others], np.zeros((size, size))
-        if not others.any():
-            return cls(linear, prior, constant, along, given)
-        A, right = linear.information, linear.rhs + linear.information @ linear.x
-        crossed = A[others][:, ~others]
-        columns = np.column_stack([crossed, right[others], np.eye(int(others.sum()))])
-        found = solved(A[others][:, others], columns, held(linear, prior, theta)[0][others])
-        k = crossed.shape[1]
-        along[others], constant[others], given[np.ix_(others, others)] = -found[:, :k], found[:, k], found[:, k + 1 :]
-        own, x = A[~others][:, ~others] - crossed.T @ found[:, :k], linear.x[~others]
-        own = (own + own.T) / 2
-        few = GaussianLikelihood(own, right[~others] - crossed.T @ found[:, k] - own @ x, x)
-        return cls(few, prior.of(np.flatnonzero(~others)), constant, along, given)
-
-    def whole(self, found: _Mixture) -> _Mixture:
-        """A mixture of the posteriors of z, as one of those of all unknowns."""
-        between, within = (self.along @ one @ self.along.T for one in (found.between, found.within))
-        return _Mixture(self.constant + self.along @ found.mean, within + self.given, between)
 
 
 def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:

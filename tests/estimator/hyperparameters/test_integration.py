@@ -24,6 +24,7 @@ from baryscope.estimator.hyperparameters.integration import (
     Posterior,
     posterior,
 )
+from baryscope.estimator.hyperparameters.mixture import Reduced
 from baryscope.estimator.paths.path import LONGEST, SmoothPath
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from baryscope.estimator.paths.process_noise import ProcessNoisePath
@@ -216,14 +217,14 @@ def test_unknowns_whose_prior_stays_the_same_may_be_eliminated(monkeypatch):
     H = path.at(np.linspace(0.0, 1.0, 60)).jacobian.reshape(-1, path.size) / 0.1
     linear = GaussianLikelihood(H.T @ H, H.T @ rng.normal(size=len(H)), rng.normal(size=path.size))
     theta = maximise(linear, path.prior)
-    found, of, sizes = posterior(linear, path.prior, theta), integration._Reduced.of, []
+    found, of, sizes = posterior(linear, path.prior, theta), Reduced.of, []
 
     def whole(linear, prior, theta, changing):
         reduced = of(linear, prior, theta, np.ones_like(changing))
         sizes.append((int(changing.sum()), len(reduced.linear.x)))
         return reduced
 
-    monkeypatch.setattr(integration._Reduced, "of", whole)
+    monkeypatch.setattr(Reduced, "of", whole)
     expected = posterior(linear, path.prior, theta)
     assert sizes == [(24, path.size)]
     one = np.sqrt(np.diag(expected.covariance))
