@@ -151,17 +151,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     origin = np.tile(fit.centre, (len(position), 1))
     observations = Observations(np.where(inliers[:, :, None], position, 0.0), inliers.astype(np.float64))
     lasting = frames_per_error(bodies, observations, origin)
-    joint, constant = _joint_covariance(registered, inliers, fit, lasting), np.ones((len(position), 1))
-    of_offsets, of_centre = _of_offsets(joint, len(bodies)), _of_centre(joint, constant)
-    findings = _findings(registered, inliers, tracks.time, fit, ground.path, lasting)
-    if options.trajectory is None:
-        drift = _drift(registered, tracks.time)
-        free = solve_score(registered, drift)
-        joint = _joint_covariance(registered, inliers, free, lasting)
-        away = drift @ free.centres - fit.centre
-        of_centre = _greater(of_centre, _of_centre(joint, drift) + away[:, :, None] * away[:, None, :])
-        apart = free.offsets - fit.offsets
-        of_offsets = _greater(of_offsets, _of_offsets(joint, len(bodies)) + apart[:, :, None] * apart[:, None, :])
+    drift = _drift(registered, tracks.time) if options.trajectory is None else None
+    of_offsets, of_centre = _covariances(registered, inliers, fit, len(position), lasting, drift)
     clusters = tuple(
         cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, of_offsets, strict=True)
     )
@@ -185,7 +176,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         covered=covered_by(clusters, len(tracks.time)),
         converged=True,
         rounds=1,
-        findings=findings,
+        findings=_findings(registered, inliers, tracks.time, fit, ground.path, lasting),
         method="score",
         path=ground.path,
         options=options,
@@ -224,6 +215,27 @@ def solve_score(registered: Registered, functions: FloatArray | None = None) -> 
     values = 3 * sum(len(body.frames) for body in bodies)
     variance = squares / max(values - len(found), 1)
     return Fit(centres, offsets, inverse, variance, null_space)
+
+
+def _covariances(
+    registered: Registered, inliers: BoolArray, fit: Fit, frames: int, lasting: float, drift: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """The covariances (j, 3, 3) of d and (n, 3, 3) of v in n frames, m².
+
+    With the motion by functions of time, drift (n, q), that the residuals show, or do not exclude; None: v is at rest.
+    lasting: how many frames have the same errors of the features.
+    """
+    count, joint = len(registered.bodies), _joint_covariance(registered, inliers, fit, lasting)
+    of_offsets, of_centre = _of_offsets(joint, count), _of_centre(joint, np.ones((frames, 1)))
+    if drift is None:
+        return of_offsets, of_centre
+    free = solve_score(registered, drift)
+    joint = _joint_covariance(registered, inliers, free, lasting)
+    away, apart = drift @ free.centres - fit.centre, free.offsets - fit.offsets
+    return (
+        _greater(of_offsets, _of_offsets(joint, count) + apart[:, :, None] * apart[:, None, :]),
+        _greater(of_centre, _of_centre(joint, drift) + away[:, :, None] * away[:, None, :]),
+    )
 
 
 def _joint_covariance(registered: Registered, inliers: BoolArray, fit: Fit, lasting: float) -> FloatArray:
