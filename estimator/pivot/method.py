@@ -40,8 +40,9 @@ from baryscope.estimator.pivot.lack_of_fit import misfits, slips_excessively
 from baryscope.estimator.pivot.orbits.accuracy import untold_accuracy, with_errors_of_orbit
 from baryscope.estimator.pivot.orbits.corrected import corrected_for_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
-from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
+from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
 from baryscope.estimator.pivot.orbits.pushed import with_push
+from baryscope.estimator.pivot.orbits.smooth_forces import with_smooth_forces
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.pivot.refinement import ROUNDING, refined
 from baryscope.estimator.pivot.start import LinearStart, linear_start
@@ -118,16 +119,16 @@ class PivotProblem:
         data = _ProblemData.of(tracks, trajectory.path(told, float(tracks.time[0]), float(tracks.time[-1])))
         found, start = _of_chosen_degree(data, trajectory, told, options)
         found, start = with_estimated_orbit(found, start, options)
-        found, start, orbit, unpushed = _with_smooth_forces(found, start, told, options)
-        plain, plain_start = without_strays(found, start, options)
+        forced = with_smooth_forces(found, start, told, options)
+        plain, plain_start = without_strays(forced.found, forced.start, options)
         problem = cls(
             tracks=tracks,
             told=told,
-            orbit=orbit,
+            orbit=forced.orbit,
             options=options,
             registered=data.registered,
-            start=start,
-            unpushed=unpushed,
+            start=forced.start,
+            unpushed=forced.unpushed,
             plain=plain,
             plain_start=plain_start,
             burned=plain,
@@ -136,7 +137,7 @@ class PivotProblem:
         if data.registered.in_line:
             return problem._finished(plain, plain_start)
         # Where burns are left to noise, attitudes stray by it: all are looked at once more.
-        return problem._with_burns(*with_unknown_burns(plain, data.registered, orbit, start, options))
+        return problem._with_burns(*with_unknown_burns(plain, data.registered, forced.orbit, forced.start, options))
 
     def with_burns_of(
         self,
@@ -219,26 +220,6 @@ def _of_chosen_degree(
         refuse_untold(found, data.registered)
         best = None if cut_short else best
     return best or (found, start)
-
-
-def _with_smooth_forces(
-    found: PivotSolution, start: InitialSolution, told: Orbit | None, options: PathOptions
-) -> tuple[PivotSolution, InitialSolution, Orbit | None, PivotSolution | None]:
-    """The solution with J2 and a push that nobody tells, its start, the orbit, and a solution in which a push has been
-    looked for in vain, None if not in this one.
-
-    What looks like a push, but leaves process noise, may be a burn: then burns are looked for first.
-    """
-    before = found, start
-    found, start, orbit = with_oblateness(found, start, told, options)
-    pushed, with_it = with_push(found, start, orbit, options)
-    if pushed is not found and orbit is not told:  # J2 and a push may pass for an error of the orbit
-        corrected = corrected_for_orbit(before[0], told, before[1], options)
-        if corrected is not None and gain_over(pushed, corrected, start) > 0:
-            return *before, told, before[0]
-    if pushed is found:
-        return found, start, orbit, found
-    return (found, start, orbit, None) if pushed.has(DENSITY) else (pushed, with_it, orbit, None)
 
 
 @dataclass(frozen=True, eq=False)
