@@ -50,6 +50,15 @@ def test_frames_are_read_as_the_csv_file(tracks, precise, kind, tmp_path):
     same(FeatureTracks.read_csv(tmp_path / "t.csv"), precise)
 
 
+@pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
+def test_tracks_are_restored_from_their_columns(tracks, precise, kind):
+    """In s and in UTC, with covariances and without; a frame without observations keeps its row."""
+    for one in (tracks, precise):
+        restored = tracks_of(kind(one.columns()))
+        same(restored, one)
+        assert restored.epoch == one.epoch
+
+
 @pytest.mark.parametrize("frame, units, line", [
     (None, "m", "frame: found NoneType, expected a frame of polars or pandas, or columns by name"),
     (np.eye(3), "m", "frame: found ndarray, expected a frame of polars or pandas, or columns by name"),
