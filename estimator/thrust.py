@@ -129,6 +129,10 @@ class KnownAcceleration:
         order = np.searchsorted(kept, number) * min(MOST_FIRINGS, len(kept)) // max(len(kept), 1)
         return np.where(fires & np.isin(number, kept), order, -1)
 
+    def fires(self, begin: float, end: float) -> bool:
+        """Whether a firing reaches into begin … end, s."""
+        return bool((self.firings(begin, end) >= 0).any())
+
     def besides(self, begin: float, end: float) -> "KnownAcceleration":
         """The same without the firings that reach into begin … end, s."""
         left = np.where(self.firings(begin, end)[:, None] >= 0, 0.0, self.value)

@@ -144,11 +144,14 @@ class _Search:
         return np.asarray(np.linalg.inv(chebyshev.chebvander(self._points, self.smooth.degree)), dtype=np.float64)
 
     def motion_on(self, elements: LocalElements) -> _Motion | None:
-        """The best motion on an orbit; None if it is none."""
-        time = self.middle + (self.smooth.end - self.smooth.begin) / 2 * self._points
+        """The best motion on an orbit; None if it is none.
+
+        Time 0 is the middle of the time span: an orbit whose elements are of decades ago, as where times are those of a
+        clock, has a phase too coarse for difference quotients.
+        """
+        since_middle = (self.smooth.end - self.smooth.begin) / 2 * self._points
         try:
-            orbit = elements.orbit(self.middle, MU)
-            moved = RelativeOrbit(orbit, self.middle).at(time).jacobian
+            moved = RelativeOrbit(elements.orbit(0.0, MU), 0.0).at(since_middle).jacobian
         except (InputError, ComputationError):
             return None
         columns = np.einsum("dn,nij->dij", self._coefficients, moved).reshape(-1, 6)

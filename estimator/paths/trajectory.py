@@ -63,7 +63,7 @@ def chosen_path(
         path = SeenPath(path, errors)
     if known is not None and known.scale > 0:
         path = ForcedPath(path, thrust_of(known, orbit, begin, end), begin, end)
-    if known is not None and known.firing > 0 and (known.firings(begin, end) >= 0).any():
+    if known is not None and known.firing > 0 and known.fires(begin, end):
         path = ForcedPath(path, firings_of(known, orbit, begin, end), begin, end)
     if options.constant_acceleration != "none":
         path = PushedPath(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)

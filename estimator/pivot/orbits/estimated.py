@@ -68,8 +68,10 @@ def _orbits_of(found: PivotSolution, options: PathOptions) -> Iterator[OrbitFit]
     then the path follows noise of the attitudes, as none on an orbit could, and the orbit is sought without that, too.
     Where the path lies on none, it may do so but for process noise.
     """
-    smooth = smooth_in(found.path)
-    if smooth is None or options.trajectory is not None or options.acceleration is not None:
+    smooth, known = smooth_in(found.path), options.acceleration
+    if smooth is None or options.trajectory is not None:
+        return
+    if known is not None and known.fires(smooth.begin, np.inf):  # a path on an orbit that is found knows of no thrust
         return
     if found.slip.variance > 0 or found.path_unknowns <= CUBIC:
         return

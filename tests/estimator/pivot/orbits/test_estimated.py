@@ -1,5 +1,6 @@
 """Tracks without an orbit, of a target on one: its elements are estimated with the path."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
+from baryscope.estimator.thrust import KnownAcceleration
 from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, turning
 from oracles import fallen, inertial_states, propagate_kepler
 from synthetic import MU, Orbit, box_features, make_case
@@ -62,6 +64,22 @@ def test_the_orbit_is_found_without_process_noise():
     found = estimate(on_orbit().tracks, options=PathOptions(process_noise="none"))
     assert [type(one) for one in found.findings] == [EstimatedOrbit]
     assert squared_error(found, on_orbit()) < 4.5**2
+
+
+def test_the_orbit_is_the_same_in_times_of_a_clock_and_by_a_log_of_no_thrust():
+    """In seconds since 1970 none was found, as the phase of an orbit of decades ago is too coarse; by the log, none."""
+    tracks, plain = on_orbit().tracks, found_by("pivot")
+    later = estimate(replace(tracks, time=tracks.time + 1.75e9))
+    coasting = KnownAcceleration([0.0, 100.0], np.zeros((2, 3)))
+    told = estimate(tracks, options=PathOptions(acceleration=coasting))
+    deviations = np.sqrt(np.diagonal(plain.covariance, axis1=1, axis2=2))
+    for other, most in ((later, 1e-4), (told, 1e-6)):
+        assert [type(one) for one in other.findings] == [type(one) for one in plain.findings]
+        assert (np.abs(other.position - plain.position) < most * deviations).all()
+        np.testing.assert_allclose(other.covariance, plain.covariance, rtol=2 * most, atol=most * (deviations**2).min())
+    firing = KnownAcceleration([0.0, 2 * PERIOD], [[0.0, 0.0, 0.0], [1e-4, 0.0, 0.0]])  # when the tracks are over
+    pushed = estimate(tracks, options=PathOptions(acceleration=firing))
+    assert pushed.path == "polynomial"
 
 
 @pytest.mark.parametrize("revolutions", [0.1, 2.0])
