@@ -206,10 +206,21 @@ def estimate(
     held = held_frames(tracks)
     if held.any():
         tracks = replace(tracks, position=np.where(held[:, None, None], np.nan, tracks.position))
+    tracks = _without_glimpses(tracks)
     if camera is not None:
         tracks = camera.inertial(tracks)
     estimated = partial(METHODS[method], tracks, orbit=orbit, options=options, progress=progress)
     return _without(tracks.time[held], estimated) if held.any() else estimated()
+
+
+def _without_glimpses(tracks: FeatureTracks) -> FeatureTracks:
+    """The tracks without features of a single observation, if there are others: each has a place of its own, and tells
+    nothing of what moves. But it would count for the size of the body, and for the degrees of freedom.
+    """
+    once = np.count_nonzero(tracks.seen, axis=0) == 1
+    if once.all() or not once.any():
+        return tracks
+    return replace(tracks, position=np.where(once[:, None], np.nan, tracks.position))
 
 
 def _without(held: NDArray[np.float64], estimated: Callable[[], Estimate]) -> Estimate:

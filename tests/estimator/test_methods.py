@@ -306,3 +306,17 @@ def test_cases_are_frozen_truths():
     assert isinstance(case, Case)
     seen = case.com[:, None] + FEATURES @ np.swapaxes(case.R_I_B, 1, 2)
     np.testing.assert_allclose(case.tracks.position, seen, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name in CLAIMING])
+def test_a_feature_that_is_seen_once_changes_nothing(method):
+    """It has a place of its own, and tells of nothing else; but it counted, and moved answers by up to 2.5 claims."""
+    time, R = turning(60)
+    case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=2)
+    position = np.full((60, len(FEATURES) + 1, 3), np.nan)
+    position[:, :-1], position[20, -1] = case.tracks.position, case.tracks.position[20, 0] + [0.5, 0.1, -0.2]
+    plain = estimate(case.tracks, method=method)
+    found = estimate(FeatureTracks(time, position, (*case.tracks.labels, "glimpsed")), method=method)
+    np.testing.assert_allclose(found.position, plain.position, rtol=1e-9)  # rounding, of sums over one feature more
+    np.testing.assert_allclose(found.covariance, plain.covariance, rtol=1e-6, atol=1e-12)
+    assert not found.used[:, -1].any()
