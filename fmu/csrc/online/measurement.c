@@ -27,11 +27,11 @@ static void turned(const double R[3][3], double A[3][3]) {
    of a frame together. */
 static double square_of_camera(const Online *filter) { return filter->options.attitude_noise * filter->options.attitude_noise; }
 
-/* Of the camera's attitude, that moves all points of a frame together; added. */
-static void of_camera(const Online *filter, const Pose *pose, double found[3][3]) {
-    double variance = square_of_camera(filter), square = dot(pose->c, pose->c);
+/* A share of what the camera's attitude, that moves all points of a frame together, does to a place in C; added. */
+static void of_camera(const Online *filter, const double place[3], double share, double found[3][3]) {
+    double variance = share * square_of_camera(filter), square = dot(place, place);
     for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) found[j][k] += variance * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
+        for (int k = 0; k < 3; k++) found[j][k] += variance * ((j == k ? square : 0.0) - place[j] * place[k]);
 }
 
 /* What an error of an attitude, a rotation vector t, does to a place besides t x place: (t t' - t.t) place / 2, on an arc, as if
@@ -53,7 +53,7 @@ static void of_itself(const Online *filter, const Frame *frame, const Pose *pose
     for (int j = 0; j < 3; j++)
         for (int k = 0; k < 3; k++) place[j][k] = arm[j] * arm[k];
     add_arc(measurement->turn, place, found);
-    of_camera(filter, pose, found);
+    of_camera(filter, pose->c, 1.0, found);
 }
 
 /* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the

@@ -97,19 +97,21 @@ static int far_enough(const Online *filter, double R[3][3]) {
 
 /* The rate from how each feature moved between its own sightings: errors of its place, and of the centre of mass, have no
    part in it. */
-static void find_rate(const Node *node, double mean, double limit, Sweep *sweep) {
+static void find_rate(const Online *filter, double mean, double limit, Sweep *sweep) {
+    const Node *node = &filter->node;
     double N[36] = {0}, rhs[6] = {0}, spread = node->squares - node->times * mean, since = sweep->since;
     const double *before = sweep->before, *swing = sweep->acceleration;
     for (int i = 0; i < (int)node->used; i++) {
         const FeatureSums *sum = &node->seen[i];
         double at = sum->times / sum->count, own = sum->squares - sum->times * at, later = at - mean;
-        double noise[3][3], W[3][3], arm[3], K[3][3], WK[3][3], z[3], Wz[3], known[3], turned[3];
+        double noise[3][3], W[3][3], arm[3], place[3], K[3][3], WK[3][3], z[3], Wz[3], known[3], turned[3];
         if (!(own > 0.0)) continue;
         for (int a = 0; a < 3; a++) {
-            arm[a] = sum->y[a] / sum->count;
+            arm[a] = sum->y[a] / sum->count, place[a] = filter->x[a] + arm[a];
             known[a] = since > 0.0 ? -2.0 * later / since * before[a] : later * swing[a];
             for (int b = 0; b < 3; b++) noise[a][b] = sum->noise[a][b] / (sum->count * own);
         }
+        of_camera(filter, place, 1.0 / own - 1.0 / spread, noise); /* as in `as_frame` */
         if (!inverted(noise, W)) continue;
         cross(known, arm, turned);
         double f = since > 0.0 ? 1.0 + 2.0 * later / since : 1.0;
@@ -166,7 +168,7 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
         sweep->since = since;
         for (int k = 0; k < 3; k++) sweep->before[k] = turn[k] / since;
     }
-    find_rate(node, mean, widest_within(node), sweep);
+    find_rate(filter, mean, widest_within(node), sweep);
     for (int k = 0; k < 3; k++) sweep->covariance[k][k] += square_of_camera(filter) / spread;
     for (int k = 0; k < 3 && sweep->since > 0.0; k++)
         sweep->acceleration[k] = 2.0 * (sweep->rate[k] - sweep->before[k]) / since;
@@ -222,6 +224,8 @@ static double as_frame(const Online *filter, const OnlineTumble *tumble, const d
                 more[a][b] = passage->swept * passage->swept * dot(S[a], K[b]);
             }
         }
+        /* A part of the frames has the mean of other errors of the camera's attitude than all of them. */
+        of_camera(filter, frame->y[i], 1.0 / sum->count - 1.0 / node->count, frame->noise[i]);
         weigh(filter, frame, i, R, sum->count, more);
     }
     return filter->time - node->begin - mean;

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
-from tops import POINTS, SIGMA, errors, flown_through, run, straight, tracks, two_sides, unread
+from tops import POINTS, SIGMA, errors, flown_through, run, seen_by_a_rig, straight, tracks, two_sides, unread
 
 ALPHA = 1e-4  # of the chi-square bands
 PATIENCE = 3  # frames of strangers, after which the filter maps them
@@ -129,3 +130,27 @@ def test_names_that_change_within_a_node_cost_nothing():
         off = found.position - straight(time)[last]
         squares.append(off @ np.linalg.solve(found.covariance[:3, :3], off))
     assert sum(squares) < chi2.ppf(1 - ALPHA, 9)
+
+
+def test_a_camera_whose_attitude_is_noisy_costs_no_more_where_features_are_lost():
+    """Frames that show a feature have the mean of other errors of the camera than all of a node, and that was no noise:
+    ten draws were 1.9 times as far off (rms) as where no feature is lost, and now are 0.7 times.
+    """
+    time, noise, squares = np.arange(800.0), 2e-3, {False: [], True: []}
+    path = [1.0, 8.0, -1.0] + time[:, None] * [1e-3, -5e-4, 8e-4]
+    angle = 2 * np.pi * time / 1600
+    R = Rotation.from_euler("ZXZ", np.stack([angle, np.full_like(angle, 0.3), 0.6 * angle], axis=1)).as_matrix()
+    for draw in range(10):
+        rng = np.random.default_rng([44, draw])
+        points = 0.14 * rng.uniform(-2.0, 2.0, (22, 3))
+        seen, covariance = seen_by_a_rig(rng, path[:, None] + points @ np.swapaxes(R, 1, 2))
+        seen = seen @ np.swapaxes(Rotation.from_rotvec(noise * rng.standard_normal((800, 3))).as_matrix(), 1, 2)
+        lossy = with_losses(np.random.default_rng([45, draw]), time, seen, False)
+        for lost in (False, True):
+            frames = []
+            for k in range(len(time)):
+                names = lossy[k][1]["names"] if lost else np.arange(len(points))
+                frames.append(((time[k], seen[k, names]), {"names": names, "covariance": covariance[k, names]}))
+            found = flown_through(OnlineEstimator(0.01, attitude_noise=noise), frames, [799])[799]
+            squares[lost].append(np.sum((found.position - path[-1]) ** 2))
+    assert np.mean(squares[True]) < 1.2**2 * np.mean(squares[False])
