@@ -14,7 +14,7 @@ static int are_within(double range, const double *values, int count) {
 /* By how much covariances are to be wider, where what was taken back is a good part of what is known: that itself is noisy, and
    if it was all that is known, nothing is left. */
 static double factor_of(const Online *filter, const Posterior *posterior) {
-    return noise_ratio(filter) * (posterior->seems > SEEMING && posterior->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - posterior->seems) : 1.0);
+    return excess_of_noise(filter) * (posterior->seems > SEEMING && posterior->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - posterior->seems) : 1.0);
 }
 
 /* Whether innovations surely agree. */
@@ -159,7 +159,7 @@ int online_tumble(const Online *filter, double time, OnlineTumble *found) {
     *found = (OnlineTumble){0};
     if (!are_within(LATEST, &time, 1) || time < filter->turned) return BAD_TIME;
     if (filter->tumble.known == 0.0) return ACCEPTED;
-    double factor = noise_ratio(filter), F[6][SPIN], Q[6][6], P[SPIN][SPIN];
+    double factor = excess_of_noise(filter), F[6][SPIN], Q[6][6], P[SPIN][SPIN];
     Spin spin = filter->tumble.spin;
     if (!spin_on(&filter->options, &spin, filter->turned, time - filter->turned, F, Q)) return ACCEPTED;
     for (int a = 0; a < SPIN; a++)

@@ -136,10 +136,12 @@ static void doubt_path(Online *filter) {
 static void begin(Online *filter, Frame *frame, const Path *path) {
     const OnlineOptions options = filter->options;
     const Lasting lasting = filter->lasting;
-    double time = filter->time, frames_per_error = fmax(filter->frames_per_error, 1.0), pairs = filter->pairs, maps = filter->maps, kind[5];
+    double time = filter->time, frames_per_error = fmax(filter->frames_per_error, 1.0), noise_scale = scale_of_noise(filter);
+    double pairs = filter->pairs, maps = filter->maps, kind[5];
     for (int k = 0; k < 5; k++) kind[k] = filter->kind[k];
     online_start(filter, &options);
-    filter->lasting = lasting, filter->frames_per_error = frames_per_error, filter->pairs = pairs, filter->maps = maps;
+    filter->lasting = lasting, filter->frames_per_error = frames_per_error, filter->noise_scale = noise_scale;
+    filter->pairs = pairs, filter->maps = maps;
     for (int k = 0; k < 5; k++) filter->kind[k] = kind[k];
     filter->time = filter->turned = filter->registered = filter->referred = time;
     if (frame->count < 3 || !spread_out(frame)) return;

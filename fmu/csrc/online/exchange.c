@@ -33,7 +33,7 @@ static double attitude_square(const Online *filter, const PredictedAttitude *pre
 
 /* Whether the attitude of a pose is far from the predicted one. */
 static int is_far(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
-    return attitude_square(filter, predicted, pose) > GATE;
+    return attitude_square(filter, predicted, pose) > gate_of(filter);
 }
 
 /* Whether an attitude is predicted well enough to tell a large turn from none. */
@@ -106,7 +106,7 @@ static void exchange_misfits(const Online *filter, Frame *frame, const Predicted
             if (frame->slot[i] < 0 || frame->slot[j] < 0 || frame->fits[i] || frame->fits[j]) continue;
             exchange(frame, i, j);
             weighed(frame, i, pose->R), weighed(frame, j, pose->R);
-            if (residual(filter, frame, pose, i, arm, e, We) < GATE && residual(filter, frame, pose, j, arm, e, We) < GATE)
+            if (residual(filter, frame, pose, i, arm, e, We) < gate_of(filter) && residual(filter, frame, pose, j, arm, e, We) < gate_of(filter))
                 frame->fits[i] = frame->fits[j] = any = 1;
             else exchange(frame, i, j), weighed(frame, i, pose->R), weighed(frame, j, pose->R);
         }

@@ -88,13 +88,6 @@ static double frames_per_error(const Online *filter) {
     return fmax(most * fmin(square, 1.0), 1.0);
 }
 
-/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
-static double noise_ratio(const Online *filter) {
-    if (filter->freedom <= 0.0) return 1.0;
-    double ratio = filter->squares / filter->freedom;
-    return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
-}
-
 /* All frames so far were taken for better than they are: what is known is that much less certain. What was before the first
    frame matters little by then. */
 static void put_right(Online *filter, double factor) {
@@ -128,10 +121,13 @@ static void put_right(Online *filter, double factor) {
     }
 }
 
-/* Before a node: how long errors last, as is known by now. */
-static void note_lasting(Online *filter) {
-    double found = frames_per_error(filter), factor = found / filter->frames_per_error;
+/* Before a node: how large errors are, and how long they last, as is known by now. */
+static void note_noise(Online *filter) {
+    const double found = frames_per_error(filter), excess = excess_of_noise(filter), factor = excess * found / filter->frames_per_error;
     if (factor < OTHERWISE && factor * OTHERWISE > 1.0) return;
     put_right(filter, factor);
     filter->frames_per_error = found;
+    filter->noise_scale *= excess;
+    filter->node.variance *= excess;
+    for (int s = 0; s < (int)filter->node.used; s++) scale_block(filter->node.seen[s].noise[0], 9, excess);
 }

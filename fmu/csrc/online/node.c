@@ -7,7 +7,7 @@
 #define WIDEST 0.5  /* rad, enough for both */
 
 /* Whether a point that is in no map is where it was seen before in this node; if it mostly is not, it begins anew. */
-static int is_same(FeatureSums *sum, const Frame *frame, int i, const Pose *pose) {
+static int is_same(const Online *filter, FeatureSums *sum, const Frame *frame, int i, const Pose *pose) {
     double arm[3], place[3], off[3], e[3], We[3], K[3][3], T[3][3], S[3][3], W[3][3], n = sum->count;
     for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - pose->c[k];
     transposed_times(pose->R, arm, place);
@@ -21,7 +21,7 @@ static int is_same(FeatureSums *sum, const Frame *frame, int i, const Pose *pose
             for (int b = 0; b < 3; b++) W[a][b] = (1.0 + 1.0 / n) * (frame->noise[i][a][b] + dot(S[a], K[b]));
         if (!inverted(W, S)) return 0;
         times(S, e, We);
-        if (dot(e, We) > GATE) {
+        if (dot(e, We) > gate_of(filter)) {
             if (++sum->strangers < n) return 0;
             *sum = (FeatureSums){.name = sum->name};
             n = 0.0;
@@ -65,7 +65,7 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
             node->used += 1.0;
         }
         FeatureSums *sum = &node->seen[s];
-        if (frame->slot[i] < 0 && !is_same(sum, frame, i, pose)) continue;
+        if (frame->slot[i] < 0 && !is_same(filter, sum, frame, i, pose)) continue;
         sum->count += 1.0, sum->times += t, sum->squares += t * t, sum->cubes += t * t * t;
         for (int a = 0; a < 3; a++) {
             double y = frame->y[i][a] - filter->x[a];
@@ -274,7 +274,7 @@ static Closed close_node(Online *filter, const OnlineTumble *tumble, const doubl
     Measurement measurement;
     Transition transition;
     double turn[3], T[3][3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
-    note_lasting(filter);
+    note_noise(filter);
     const double lag = as_frame(filter, tumble, R, frame, &sweep), time = filter->time - lag;
     *ago = lag;
     filter->node.count = 0.0;

@@ -40,6 +40,7 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
         for (int k = 0; k < 3; k++) frame->y[i][k] = points[3 * i + k];
         if (!covariances) copy(shared, frame->noise[i]);
         else if (!covariance_of(covariances + 6 * i, frame->noise[i])) return BAD_COVARIANCE;
+        scale_block(frame->noise[i][0], 9, scale_of_noise(filter));
         frame->name[i] = names[i];
         frame->slot[i] = slot_of(filter, names[i]);
         weigh(filter, frame, i, R, 1.0, NOTHING);
@@ -231,7 +232,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     settle_names(filter, &frame);
     note_names(filter, &frame, names);
     keep_residuals(filter, &frame, &pose, names);
-    filter->squares += pose.squares;
+    filter->squares += filter->noise_scale * pose.squares;
     filter->freedom += 3.0 * pose.count - 6.0;
     filter->sightings += pose.count;
     filter->frames += 1.0;

@@ -275,6 +275,7 @@ typedef struct {
     double squares, freedom; /* of the residuals of frames, in units of the noise */
     double sightings; /* that these are of */
     double frames_per_error; /* how many frames have the same errors of the features, as far as it was allowed for */
+    double noise_scale;      /* by what covariances of points are larger than told, as far as it was allowed for */
     Lasting lasting;
     double kind[5], pairs;   /* sums of products of how `last_stereo` changes, and of how many pairs of sightings */
     double used;             /* features */

@@ -110,7 +110,7 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     int taken = filter->node.count > 0.0 && open_node(filter, transition.span, &measurement);
     if (taken && !take_measurement(&filter->options, bank, &measurement, filter->curve, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->manoeuvred != 0.0; m++)
-        if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
+        if (is_alive(&bank[m])) grade(&filter->options, excess_of_noise(filter), &bank[m]);
     combine(&filter->options, &large, bank, posterior);
     posterior->seems = seeming_part(filter, posterior);
 }

@@ -8,6 +8,22 @@
 #define LEFT 1e-8        /* rad, what another step would turn by */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
+/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
+static double noise_ratio(const Online *filter) {
+    if (filter->freedom <= 0.0) return 1.0;
+    double ratio = filter->squares / filter->freedom;
+    return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
+}
+
+/* By what points are taken for worse than told, before the first frame, too. */
+static double scale_of_noise(const Online *filter) { return filter->noise_scale > 0.0 ? filter->noise_scale : 1.0; }
+
+/* By what the noise is larger than it is taken for. */
+static double excess_of_noise(const Online *filter) { return noise_ratio(filter) / scale_of_noise(filter); }
+
+/* The gate of weighted residuals: where all are larger, as of a wrong sigma, they are no outliers. */
+static double gate_of(const Online *filter) { return GATE * excess_of_noise(filter); }
+
 /* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
 static ALWAYS_INLINE int weighed(Frame *frame, int i, const double R[3][3]) {
     double T[3][3], both[3][3];
@@ -123,7 +139,7 @@ static int settled(const Online *filter, Frame *frame, Pose *pose) {
         copy(pose->R, before);
         weigh_all(frame, before);
         if (!adjusted(filter, frame, pose)) return 0;
-        if (!sorted_out(frame, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
+        if (!sorted_out(frame, gate_of(filter)) && angle_between(pose->R, before, turn) < ALIKE) return 1;
     }
     weigh_all(frame, pose->R);
     return adjusted(filter, frame, pose);
@@ -175,16 +191,16 @@ static int agreed(const Online *filter, Frame *frame, const PredictedAttitude *p
                 Pose pose;
                 if (!from_triple(filter, frame, at, &pose)) continue;
                 double turn[3], angle = angle_between(pose.R, predicted->R, turn);
-                double cost = fmin(angle * angle / predicted->variance, ROUGHLY * GATE);
+                double cost = fmin(angle * angle / predicted->variance, ROUGHLY * gate_of(filter));
                 for (int p = 0; p < n; p++) {
                     double arm[3], e[3], We[3];
-                    cost += fmin(residual(filter, frame, &pose, known[p], arm, e, We), ROUGHLY * GATE);
+                    cost += fmin(residual(filter, frame, &pose, known[p], arm, e, We), ROUGHLY * gate_of(filter));
                 }
                 if (!found || cost < least) *best = pose, least = cost, found = 1;
             }
     if (!found) return 0;
     find_squares(filter, frame, best);
-    sorted_out(frame, ROUGHLY * GATE);
+    sorted_out(frame, ROUGHLY * gate_of(filter));
     return settled(filter, frame, best);
 }
 
@@ -200,7 +216,7 @@ static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAt
         count += 1.0;
         for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[i][k] - arm[k] - pose->c[k]) / count;
     }
-    return adjusted(filter, frame, pose) && !sorted_out(frame, GATE);
+    return adjusted(filter, frame, pose) && !sorted_out(frame, gate_of(filter));
 }
 
 static void set_apart(const PredictedAttitude *predicted, Pose *pose) {

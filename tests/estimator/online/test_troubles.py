@@ -1,6 +1,7 @@
 """The online estimator where features are taken for others, the chaser burns untold, or digits are few."""
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -71,6 +72,24 @@ def test_features_that_are_glimpsed_once_do_not_cost_the_others_what_they_tell()
         off = found.position - straight(time)[last]
         squares.append(off @ np.linalg.solve(found.covariance[:3, :3], off))
     assert sum(squares) < chi2.ppf(1 - ALPHA, 6)
+
+
+@pytest.mark.parametrize("times", [1.6, 4.0])
+def test_noise_that_is_larger_than_told_costs_nothing(times):
+    """Of twice the told deviation the claim was 0.1 m, and beyond that frames were left out, until the filter began
+    again: now residuals tell by what it is larger, and the claim is that of a filter that is told so.
+    """
+    time, last, squares = np.arange(300.0), 299, []
+    for draw in range(3):
+        seen = tracks(np.random.default_rng([33, draw]), time, straight(time), sigma=times * SIGMA)
+        frames = [(one, {}) for one in zip(time, seen, strict=True)]
+        found, right = (flown_through(OnlineEstimator(told), frames, [last])[last] for told in (SIGMA, times * SIGMA))
+        assert found.status is OnlineStatus.DOUBTFUL
+        assert found.noise_ratio == pytest.approx(times**2, rel=0.15)
+        assert np.trace(found.covariance[:3, :3]) == pytest.approx(np.trace(right.covariance[:3, :3]), rel=0.3)
+        off = found.position - straight(time)[last]
+        squares.append(off @ np.linalg.solve(found.covariance[:3, :3], off))
+    assert sum(squares) < chi2.ppf(1 - ALPHA, 9)
 
 
 def burning(time):
