@@ -9,6 +9,7 @@ and of B, as errors may be slow in either. */
 #define LEAST 1.25      /* and at least this */
 #define GROWING 1.3     /* times what blocks of half the length show, from which longer ones will show more */
 #define OTHERWISE 1.2   /* ratio from which on what is known is put right */
+#define NOTICED 1.5     /* of the mean square of residuals: as long as the map is of few frames, its errors make one of 1.3, too */
 
 /* z is the residual of a feature in standard deviations, along C and B. */
 static void add_residual(Lasting *lasting, ResidualBlocks *series, double sightings, double z[2][3]) {
@@ -121,10 +122,13 @@ static void put_right(Online *filter, double factor) {
     }
 }
 
+static int is_within(double range, double factor) { return factor < range && factor * range > 1.0; }
+
 /* Before a node: how large errors are, and how long they last, as is known by now. */
 static void note_noise(Online *filter) {
-    const double found = frames_per_error(filter), excess = excess_of_noise(filter), factor = excess * found / filter->frames_per_error;
-    if (factor < OTHERWISE && factor * OTHERWISE > 1.0) return;
+    const double left = excess_of_noise(filter), excess = is_within(NOTICED, left) ? 1.0 : left;
+    const double found = frames_per_error(filter), factor = excess * found / filter->frames_per_error;
+    if (is_within(OTHERWISE, factor)) return;
     put_right(filter, factor);
     filter->frames_per_error = found;
     filter->noise_scale *= excess;
