@@ -77,7 +77,7 @@ def likeliest_orbit(
         if grown is None:
             continue
         try:
-            best.elements.orbit(search.middle, EARTH_MU)
+            best.elements.orbit(0.0, EARTH_MU)
         except InputError:  # below the Earth's surface
             continue
         prior_cost = best.prior_cost(float(np.exp(theta[0])))
@@ -127,11 +127,6 @@ class _Search:
         root = np.sqrt(values[told])[:, None] * axes[:, told].T
         shift = axes[:, told].T @ linear.rhs / np.sqrt(values[told])
         return cls(smooth, root, root @ linear.x + shift, float(shift @ shift))
-
-    @property
-    def middle(self) -> float:
-        """The middle of the time span, s."""
-        return (self.smooth.begin + self.smooth.end) / 2
 
     @cached_property
     def _points(self) -> FloatArray:

@@ -103,8 +103,7 @@ def refuse_untold(found: PivotSolution, registered: Registered) -> None:
             "or too evenly, to tell a path",
             Reason.COLLINEAR_FEATURES,
         )
-
-    if any(may_be_exchanged(found, index) for index in range(len(found.bodies))):
+    if any(_may_be_exchanged(found, index) for index in range(len(found.bodies))):
         raise ComputationError(
             "the features seen together are two, and the centre of mass that fits best is as far from one as from the "
             "other, as it is where their labels are exchanged in some frames, which does not show: the line through "
@@ -113,7 +112,7 @@ def refuse_untold(found: PivotSolution, registered: Registered) -> None:
         )
 
 
-def may_be_exchanged(found: PivotSolution, index: int) -> bool:
+def _may_be_exchanged(found: PivotSolution, index: int) -> bool:
     """Whether two features may have each other's label in some frames of a body: only halfway along the line, where
     labels make no difference, such frames fit as well as others.
     """

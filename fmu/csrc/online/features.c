@@ -2,7 +2,7 @@
 
 #define PLACED 16.3 /* chi-square of 3 degrees of freedom with p = 1e-3: within it a point is where a feature is */
 #define CLEARLY_ELSEWHERE 4.0 /* times that is where no other one is */
-enum { TRUSTED = 3, PATIENT = 3, STUBBORN = 5, HOPELESS = 10 };
+enum { PATIENT = 3, STUBBORN = 5, HOPELESS = 10 };
 
 static int slot_of(const Online *filter, long long name) {
     for (int f = 0; f < (int)filter->used; f++)
@@ -159,44 +159,6 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
     inform(&filter->feature[slot], frame, i, arm, R, V);
 }
 
-/* The feature out of sight whose place a point has, -1 if there is none or more than one. */
-static int recognised(const Online *filter, const Frame *frame, int i) {
-    int found = -1;
-    for (int f = 0; f < (int)filter->used; f++) {
-        if (is_in(frame, filter->feature[f].name) || filter->feature[f].sightings < TRUSTED) continue;
-        int at = FEATURES + 3 * f;
-        double arm[3], e[3], S[3][3], inverse[3][3], J[9], weighted[3], K[3][3];
-        const int block[3] = {POSITION, ATTITUDE, at};
-        times(filter->R, filter->b[f], arm);
-        moved_by_turn(arm, K);
-        for (int c = 0; c < 3; c++) e[c] = frame->y[i][c] - filter->x[c] - arm[c];
-        for (int c = 0; c < 3; c++)
-            for (int d = 0; d < 3; d++) {
-                double sum = frame->noise[i][c][d] + filter->P[TRANSLATION + c][TRANSLATION + d];
-                sum += filter->P[TRANSLATION + c][POSITION + d] + filter->P[POSITION + c][TRANSLATION + d];
-                for (int p = 0; p < 3; p++)
-                    for (int q = 0; q < 3; q++)
-                        for (int u = 0; u < 3; u++)
-                            for (int w = 0; w < 3; w++) {
-                                J[0] = p == 0 ? (c == u) : p == 1 ? K[c][u] : filter->R[c][u];
-                                J[1] = q == 0 ? (d == w) : q == 1 ? K[d][w] : filter->R[d][w];
-                                sum += J[0] * filter->P[block[p] + u][block[q] + w] * J[1];
-                            }
-                for (int u = 0; u < 3; u++) {
-                    sum += filter->P[TRANSLATION + c][ATTITUDE + u] * K[d][u] + K[c][u] * filter->P[ATTITUDE + u][TRANSLATION + d];
-                    sum += filter->P[TRANSLATION + c][at + u] * filter->R[d][u] + filter->R[c][u] * filter->P[at + u][TRANSLATION + d];
-                }
-                S[c][d] = sum;
-            }
-        if (!inverted(S, inverse)) continue;
-        times(inverse, e, weighted);
-        if (dot(e, weighted) > PLACED) continue;
-        if (found >= 0) return -1;
-        found = f;
-    }
-    return found;
-}
-
 /* Sums over what frames of a node show under one name are added to those under another. */
 static void add_sums(FeatureSums *sum, const FeatureSums *more) {
     const double count = sum->count + more->count;
@@ -317,7 +279,7 @@ static void note_sightings(Online *filter, Frame *frame) {
         if (filter->feature[f].refused >= STUBBORN) forget(filter, f);
 }
 
-/* After an update: features that it was made with, points that are features under a new name, and new features. */
+/* After an update: features that it was made with, and new ones. */
 static void extend_map(Online *filter, const Frame *frame, double lag, double V[6][6]) {
     for (int i = 0; i < frame->count; i++) {
         int known = slot_of(filter, frame->name[i]);
@@ -327,8 +289,6 @@ static void extend_map(Online *filter, const Frame *frame, double lag, double V[
             if (frame->fits[i]) inform(&filter->feature[known], frame, i, arm, filter->R, V);
             continue;
         }
-        known = recognised(filter, frame, i);
-        if (known >= 0) filter->feature[known].name = frame->name[i], filter->feature[known].last = filter->time;
-        else add(filter, frame, i, lag, V);
+        add(filter, frame, i, lag, V);
     }
 }

@@ -9,22 +9,21 @@
 #define SURELY 4.0       /* standard deviations of the mean square of residuals */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
-/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
-static double noise_ratio(const Online *filter) {
+/* By what the residuals say that the noise is larger than some times what is told, or less, but not than told; 1 where they don't, as in a new map. */
+static double ratio_over(const Online *filter, double scale) {
     if (filter->freedom <= 0.0) return 1.0;
-    double ratio = filter->squares / filter->freedom;
-    return ratio > 1.0 + SURELY * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
+    const double ratio = fmax(filter->squares / filter->freedom, 1.0) / scale;
+    return fabs(ratio - 1.0) > SURELY * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
+
+/* By what the noise is larger than told, as a factor of covariances. */
+static double noise_ratio(const Online *filter) { return ratio_over(filter, 1.0); }
 
 /* By what points are taken for worse than told, before the first frame, too. */
 static double scale_of_noise(const Online *filter) { return filter->noise_scale > 0.0 ? filter->noise_scale : 1.0; }
 
-/* By what the residuals say that the noise is larger than it is taken for, or less, but not than told; 1 where they don't, as in a new map. */
-static double excess_of_noise(const Online *filter) {
-    if (filter->freedom <= 0.0) return 1.0;
-    const double excess = fmax(filter->squares / filter->freedom, 1.0) / scale_of_noise(filter);
-    return fabs(excess - 1.0) > SURELY * sqrt(2.0 / filter->freedom) ? excess : 1.0;
-}
+/* By what the noise is larger than it is taken for. */
+static double excess_of_noise(const Online *filter) { return ratio_over(filter, scale_of_noise(filter)); }
 
 /* The gate of weighted residuals: where all are larger, as of a wrong sigma, they are no outliers. */
 static double gate_of(const Online *filter) { return GATE * excess_of_noise(filter); }
