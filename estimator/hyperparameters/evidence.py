@@ -62,6 +62,10 @@ class GaussianLikelihood:
         """The squares of x, (p,)."""
         return self.x * self.x
 
+    def along(self, axes: FloatArray) -> "GaussianLikelihood":
+        """The likelihood of x along other axes, the columns of an orthogonal matrix (p, p)."""
+        return GaussianLikelihood(axes.T @ self.information @ axes, axes.T @ self.rhs, axes.T @ self.x)
+
     def among(self, loose: BoolArray) -> "tuple[GaussianLikelihood, float]":
         """The system of some unknowns (k,) where the others are zero, and what these add to xᵀP x − uᵀ(A + P)⁻¹u.
 

@@ -135,10 +135,10 @@ class _Best:
     @property
     def scatter(self) -> FloatArray:
         """What the prior's scatter adds to the covariance, (p, p)."""
-        variance = np.diag(self.covariance)
-        untold = np.clip(variance * held(self.linear, self.prior, self.theta)[0], 0.0, 1.0)
-        wider = conditional(self.linear, self.prior.scattered(untold), self.theta)[1]
-        return _positive(wider - self.covariance, variance)
+        root = np.sqrt(held(self.linear, self.prior, self.theta)[0])
+        prior, axes = self.prior.scattered(root[:, None] * self.covariance * root)
+        wider = axes @ conditional(self.linear.along(axes), prior, self.theta)[1] @ axes.T
+        return _positive(wider - self.covariance, np.diag(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,8 +100,9 @@ class Prior:
     offset (p,): infinite for an unknown without a prior; slopes (p, h). trend: what comes to the logarithms of the
     variances of the unknowns that have a number, order (p,), other than 0. scatter (p,): how far these logarithms may
     lie above that law from an unknown on that the observations do not tell; other than zero only for the three
-    coordinates of one coefficient after the other. tolerant: what is beyond the typical is improbable by a rate that is
-    known to about its half, that is, far beyond by a power (Lomax 1954, J. Am. Stat. Assoc. 49), not exponentially.
+    coordinates of one coefficient after the other, for which it is the same. tolerant: what is beyond the typical is
+    improbable by a rate that is known to about its half, that is, far beyond by a power (Lomax 1954, J. Am. Stat.
+    Assoc. 49), not exponentially.
     alternatives: each to the prior as it is, of unknowns that have no hyperparameter.
     """
 
@@ -194,14 +195,21 @@ class Prior:
             self._laws[at] = logarithm.take(places), derivatives
         return self._laws[at]
 
-    def scattered(self, untold: FloatArray) -> "Prior":
-        """The prior with its scatter, for the shares (p,) of the variances that the observations do not tell."""
-        if not np.any(self.scatter):
-            return self
-        above = self.scatter * untold
-        own = np.broadcast_to(self.scatter, above.shape) > 0
-        above[own] = np.minimum(above[own].reshape(-1, 3).cumsum(axis=0), MOST_SCATTER).ravel()
-        return replace(self, offset=self.offset + above)
+    def scattered(self, untold: FloatArray) -> "tuple[Prior, FloatArray]":
+        """The prior with its scatter, of unknowns along other axes; and these (p, p), in columns.
+
+        untold (p, p): the posterior covariance in units of the prior's deviations, whose share along an axis the
+        observations do not tell. With it the law is one of the logarithm of each coefficient's covariance (3, 3), so
+        that it does not depend on the axes of the path's coordinates; a coefficient's new axes are its principal ones.
+        """
+        scatter = np.broadcast_to(self.scatter, self.offset.shape)
+        each = np.flatnonzero(scatter).reshape(-1, 3)
+        rows, columns = each[:, :, None], each[:, None, :]
+        above, turned = np.linalg.eigh((scatter[rows] * untold[rows, columns]).cumsum(axis=0))
+        offset, axes = self.offset.copy(), np.eye(len(scatter))
+        offset[each] += np.clip(above, 0.0, MOST_SCATTER)
+        axes[rows, columns] = turned
+        return replace(self, offset=offset), axes
 
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""

@@ -5,6 +5,7 @@ central differences.
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
+from scipy.spatial.transform import Rotation
 from scipy.special import jv
 
 from baryscope.estimator.paths.path import DECAY, FREQUENCY, OVERTONES, Polynomial, SmoothPath
@@ -108,15 +109,20 @@ def test_impossible_trajectories_are_refused():
 
 
 def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
-    """By e each, up to e⁶, in its own coordinate."""
+    """By e each, up to e⁶, along its own axis, whatever the coordinates: it was by their shares along these."""
     prior = SmoothPath(9, 0.0, 1.0).prior
     untold = np.zeros((10, 3))
     untold[3:, 0] = 1.0
     untold[9, 1] = 0.5
-    wider = (prior.scattered(untold.ravel()).offset[3:] - prior.offset[3:]).reshape(9, 3)
-    np.testing.assert_allclose(wider[:, 0], [0, 0, 1, 2, 3, 4, 5, 6, 6])
-    np.testing.assert_allclose(wider[:, 1], [0, 0, 0, 0, 0, 0, 0, 0, 0.5])
-    assert not wider[:, 2].any()
+    turn = np.kron(np.eye(10), Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix())
+    for axes in (np.eye(30), turn):
+        scattered, principal = prior.scattered(axes @ np.diag(untold.ravel()) @ axes.T)
+        above = np.append(np.zeros(3), scattered.offset[3:] - prior.offset[3:])
+        expected = np.zeros((10, 3))
+        expected[1:, 0] = [0, 0, 1, 2, 3, 4, 5, 6, 6]
+        expected[9, 1] = 0.5
+        found = axes.T @ (principal * above) @ principal.T @ axes
+        np.testing.assert_allclose(found, np.diag(expected.ravel()), atol=1e-12)
 
 
 def deviations(theta, degree=24):
@@ -218,6 +224,7 @@ def test_a_fixed_hyperparameter_and_fewer_unknowns_leave_the_other_variances_as_
 
 def test_only_a_smooth_path_has_a_scattered_law():
     noise = Prior.known(np.ones(2))
-    both = SmoothPath(2, 0.0, 1.0).prior.joined(noise).scattered(np.ones(11))
+    both, axes = SmoothPath(2, 0.0, 1.0).prior.joined(noise).scattered(np.eye(11))
     np.testing.assert_allclose(both.offset[3:], [1, 1, 1, 2, 2, 2, 0, 0])
-    assert noise.scattered(np.ones(2)) is noise
+    np.testing.assert_array_equal(axes[-2:], np.eye(11)[-2:])
+    np.testing.assert_array_equal(noise.scattered(np.eye(2))[0].offset, noise.offset)

@@ -73,7 +73,7 @@ def test_the_orbit_is_the_same_in_times_of_a_clock_and_by_a_log_of_no_thrust():
     coasting = KnownAcceleration([0.0, 100.0], np.zeros((2, 3)))
     told = estimate(tracks, options=PathOptions(acceleration=coasting))
     deviations = np.sqrt(np.diagonal(plain.covariance, axis1=1, axis2=2))
-    for other, most in ((later, 1e-4), (told, 1e-6)):
+    for other, most in ((later, 5e-4), (told, 1e-6)):  # a clock's times are rounded to 0.24 µs, in which features move
         assert [type(one) for one in other.findings] == [type(one) for one in plain.findings]
         assert (np.abs(other.position - plain.position) < most * deviations).all()
         np.testing.assert_allclose(other.covariance, plain.covariance, rtol=2 * most, atol=most * (deviations**2).min())
