@@ -56,7 +56,8 @@ def kepler_orbit_through(state: FloatArray, time: float, mu: float) -> Orbit:
     Raises:
         InputError: it is no ellipse, or one through the central body.
     """
-    return _osculating(kepler_states(_osculating(state, mu), np.array([-time]))[0], mu)
+    there = _osculating(state, mu)
+    return there if time == 0 else _osculating(kepler_states(there, np.array([-time]))[0], mu)
 
 
 def _osculating(state: FloatArray, mu: float) -> Orbit:
