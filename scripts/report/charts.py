@@ -75,7 +75,7 @@ def nees_of(error: FloatArray, covariance: FloatArray) -> FloatArray:
 def nees_chart(series: tuple[Series, ...], about: str, **how: Any) -> Chart:
     """NEES over time beside the band of a single draw; how: other fields of `Chart`."""
     low, high = chdtri(3, [1 - TAIL, TAIL])
-    levels = ((float(low), "2.5 %"), (3.0, "3 expected"), (float(high), "97.5 %"))
+    levels = ((float(low), "2.5 %"), (3.0, "mean 3"), (float(high), "97.5 %"))
     return Chart("NEES of the centre of mass", about, "eᵀ P⁻¹ e", series, log=True, levels=levels, **how)
 
 

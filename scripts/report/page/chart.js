@@ -4,10 +4,10 @@ const Chart = (part) => chartOf(part).nodes;
 
 // The nodes of a chart, and what draws it anew after its series have changed.
 function chartOf(part) {
-  const size = { width: pictureWidth(), height: 330, left: 66, right: 18, top: 12, bottom: 44 };
+  const size = { width: pictureWidth(), height: 0, left: 66, right: 18, top: 12, bottom: 44 };
   const state = { shown: part.series.map((one) => one.shown), zoom: null, only: -1, pointer: null };
   const reading = el("output", { class: "reading", "aria-live": "polite" });
-  const picture = draw("svg", { viewBox: `0 0 ${size.width} ${size.height}`, role: "img", tabindex: "0" });
+  const picture = draw("svg", { role: "img", tabindex: "0" });
   const axes = {}, now = draw("line", { class: "now", visibility: "hidden" }), pointer = draw("line", { class: "pointer", visibility: "hidden" });
   const reset = el("button", { type: "button", text: "whole range", hidden: true, class: "only-screen", onclick: () => { state.zoom = null; render(); } });
 
@@ -17,6 +17,10 @@ function chartOf(part) {
     if (part.log_x) { const aside = (whole[1] / whole[0]) ** 0.03; whole[0] /= aside; whole[1] *= aside; } // steps at the ends are seen
     picture.setAttribute("aria-label", spoken(part));
     reset.hidden = !state.zoom;
+    size.top = 12 + LINE * part.marks.length; // the words of marks stand above the frame, those of levels beside it
+    size.height = 318 + size.top;
+    if (part.levels.length) size.right = 12 + Math.max(...part.levels.map(([, text]) => text.length)) * LETTER;
+    picture.setAttribute("viewBox", `0 0 ${size.width} ${size.height}`);
     const [from, to] = state.zoom || whole;
     axes.y = axisOf(...heights(from, to), size.height - size.bottom, size.top, part.log);
     const ticks = axes.y.ticks(6);
@@ -27,9 +31,10 @@ function chartOf(part) {
     const curves = part.series.map(curve), pointed = (node, index) => ["points", "cross"].includes(part.series[index].style);
     picture.replaceChildren(
       ...grid(ticks),
-      ...within(frame, ...shades(), ...lines(), ...part.series.map(band), ...curves.filter((node, index) => !pointed(node, index))),
+      ...within(frame, ...shades(), ...levels()), ...marks(),
+      ...within(frame, ...part.series.map(band), ...curves.filter((node, index) => !pointed(node, index))),
       ...within({ ...frame, x: frame.x - 4, width: frame.width + 8 }, ...curves.filter(pointed)), // those of the first and last frame are whole
-      ...within(frame, ...names(), now, pointer), draw("rect", { class: "axis", ...frame }), ...words(),
+      ...within(frame, now, pointer), draw("rect", { class: "axis", ...frame }), ...names(), ...words(),
     );
     for (const line of [now, pointer]) { line.setAttribute("y1", size.top); line.setAttribute("y2", size.height - size.bottom); }
     moveNow(clock.time);
@@ -97,10 +102,10 @@ function chartOf(part) {
   const shades = () => part.shades.map(([begin, end]) => draw("rect", {
     class: "shade", x: axes.x.at(begin), width: Math.max(0, axes.x.at(end) - axes.x.at(begin)), y: size.top, height: size.height - size.top - size.bottom,
   }));
-  const lines = () => [
-    ...part.levels.map(([value]) => draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) })),
-    ...part.marks.map(([value]) => draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom })),
-  ];
+  const levels = () => part.levels.map(([value]) => draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }));
+  // Those that are within the range, each with the row of its words: above the frame, where its line goes.
+  const marked = () => part.marks.map(([value, text], k) => ({ x: axes.x.at(value), text, foot: 12 + LINE * k, value })).filter(({ value }) => value >= axes.x.low && value <= axes.x.high);
+  const marks = () => marked().map(({ x, foot }) => draw("line", { class: "mark", x1: x, x2: x, y1: foot - 9, y2: size.height - size.bottom }));
   // From a level to the foot of its words: above it, but below the lowest, and where the next one leaves them no room.
   function besideLevel(value) {
     const others = part.levels.map((one) => one[0]).filter((other) => other !== value);
@@ -108,12 +113,12 @@ function chartOf(part) {
     const below = others.every((other) => other > value) || yAt(value) - yAt(next) < LINE;
     return others.length && below ? 14 : -6;
   }
-  // Of levels and marks: over the curves, and inside of the frame.
+  // Of levels and marks: outside of the frame, so that they hide no curve.
   const names = () => [
-    ...part.levels.map(([value, text]) => draw("text", { x: size.width - size.right - 6, y: yAt(value) + besideLevel(value), "text-anchor": "end", text })),
-    ...part.marks.map(([value, text], k) => {
-      const x = axes.x.at(value), before = x + 5 + text.length * LETTER > size.width - size.right;
-      return draw("text", { x: before ? x - 5 : x + 5, y: size.top + 14 + 15 * k, "text-anchor": before ? "end" : "start", text });
+    ...part.levels.map(([value, text]) => draw("text", { x: size.width - size.right + 6, y: yAt(value) + besideLevel(value), text })),
+    ...marked().map(({ x, text, foot }) => {
+      const before = x + 5 + text.length * LETTER > size.width;
+      return draw("text", { x: before ? x - 5 : x + 5, y: foot, "text-anchor": before ? "end" : "start", text });
     }),
   ];
 

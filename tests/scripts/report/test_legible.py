@@ -8,7 +8,7 @@ import pytest
 
 from baryscope.report import Report, write_report
 from baryscope.report.charts import nees_chart
-from baryscope.report.document import Chart, Series, Sheet, Timeline
+from baryscope.report.document import Chart, Facts, Series, Sheet, Timeline
 from browser import PROGRAM, Browser
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium (Debian's package chromium)")
@@ -42,6 +42,7 @@ def report():
         Chart("Steps", "", "share", (steps,), x_label="mm", log_x=True, timed=False),
         Sheet("Table", ("scenario", *["middle"] * 12), (("a" * 120, *["1"] * 12),)),
         Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
+        Facts("Facts", (("what is told in so many words that no telephone has them in one line", "0.000123 m"),)),
     )
     return Report("Centre of mass from " + "a" * 80 + ".csv", "", "0", parts)
 
@@ -94,7 +95,7 @@ def test_words_of_levels_are_between_their_lines(page, tmp_path, least, most):
     chart = nees_chart((Series("nees", TIME, np.geomspace(least, most, 100), 5),), "")
     browser.open(write_report(Report("NEES", "", "0", (chart,)), tmp_path / "report.html"))
     found = words_of(browser, chart.title)
-    words = [(text, box) for text, box in found["words"] if text in {"2.5 %", "3 expected", "97.5 %"}]
+    words = [(text, box) for text, box in found["words"] if text in {"2.5 %", "mean 3", "97.5 %"}]
     assert len(words) == 3
     lines = browser.value("[...document.querySelectorAll('svg line.level')].map((o) => o.getBoundingClientRect().top)")
     for (text, (_, top, _, bottom)), y in itertools.product(words, lines):
@@ -106,6 +107,40 @@ def test_words_of_levels_are_between_their_lines(page, tmp_path, least, most):
     )
     for text, (_, top, _, bottom) in words:
         assert frame[0] <= top < bottom <= frame[1], text
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+@pytest.mark.parametrize(
+    ("title", "named"),
+    [("NEES of the centre of mass", {"2.5 %", "mean 3", "97.5 %"}), ("Alone", {"early", "a mark that is late"})],
+)
+def test_words_of_levels_and_marks_hide_no_curve(page, width, title, named):
+    """They stood inside of the frame, over the curves: "3 expected" on the last tenth of each NEES."""
+    browser, path = page
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
+    browser.open(path)
+    frame = browser.value(
+        f"""(() => {{ const box = document.querySelector('section[aria-label={json.dumps(title)}] rect.axis')
+            .getBoundingClientRect(); return [box.left, box.top, box.right, box.bottom]; }})()"""
+    )
+    boxes = {text: box for text, box in words_of(browser, title)["words"] if text in named}
+    assert set(boxes) == named
+    for text, (left, top, right, bottom) in boxes.items():
+        assert right < frame[0] or left > frame[2] or bottom < frame[1] + 1 or top > frame[3], text
+
+
+def test_facts_keep_both_columns_on_a_phone(page):
+    """The first column took what its longest name does in one line: the report of a flight was 623 px wide on 390."""
+    browser, path = page
+    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=800, deviceScaleFactor=1, mobile=False)
+    browser.open(path)
+    name, value = (
+        browser.value(
+            f"(({{ left, right }}) => [left, right])(document.querySelector('{one}').getBoundingClientRect())"
+        )
+        for one in ("dt", "dd")
+    )
+    assert 0 < name[0] < name[1] < value[0] < value[1] < 360
 
 
 def test_names_that_differ_at_their_ends_are_told_apart(page):
@@ -141,6 +176,16 @@ def test_paper_has_no_hint_to_scroll(page):
     browser.value("new Promise(requestAnimationFrame)")
     browser.call("Emulation.setEmulatedMedia", media="print")
     assert not browser.value("document.querySelector('.hint').checkVisibility()")
+    browser.call("Emulation.setEmulatedMedia", media="")
+
+
+def test_paper_has_the_colours_of_a_legend(page):
+    """Without backgrounds, as browsers print unless told otherwise, the dots of estimates and points were gone."""
+    browser, path = page
+    browser.open(path)
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    adjust = "getComputedStyle(document.querySelector('button.key.points'), '::before').printColorAdjust"
+    assert browser.value(adjust) == "exact"
     browser.call("Emulation.setEmulatedMedia", media="")
 
 
