@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baryscope.estimator.formats.cf_times import seconds_of_cf
 from baryscope.estimator.formats.times import seconds_of
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 AXES = ["x", "y", "z"]
 CONVENTIONS = "CF-1.12"
+CLASSIC = (b"CDF\1", b"CDF\2")  # NetCDF 3, which xarray writes where neither h5netcdf nor netCDF4 is installed
 
 
 def dataset_of_tracks(tracks: FeatureTracks) -> "Dataset":
@@ -95,7 +97,7 @@ def _measured(found: "Dataset", units: Unit | None, source: str) -> tuple[Featur
         covariance = in_square_of(given.values, unit, told, f"{source}, covariance", denied)
     time, epoch = _times(found, source)
     try:
-        labels = [str(label) for label in found["feature"].values]
+        labels = _words(found["feature"].values)
         tracks = FeatureTracks(time, position.values, labels, covariance, epoch)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
@@ -110,10 +112,15 @@ def _in_order(found: "Dataset", dimension: str, source: str) -> "Dataset":
     """
     if dimension not in found.coords:
         return found
-    labels = [str(label) for label in found[dimension].values]
+    labels = _words(found[dimension].values)
     if sorted(labels) != AXES:
         raise InputError(f"{source}, {dimension}: found {', '.join(labels)}, expected {', '.join(AXES)}")
     return found.isel({dimension: [labels.index(axis) for axis in AXES]})
+
+
+def _words(values: NDArray[Any]) -> list[str]:
+    """Labels as text: bytes are those of a variable of characters, as NetCDF 3, MATLAB and Fortran have them."""
+    return [label.decode(errors="replace") if isinstance(label, bytes) else str(label) for label in values]
 
 
 def _times(found: "Dataset", source: str) -> tuple[Any, str | None]:
@@ -139,13 +146,13 @@ def read_netcdf(path: AnyPath, units: Unit | None = None) -> tuple[FeatureTracks
         InputError: it is no such file, or xarray or h5netcdf is not installed.
     """
     source = str(path)
-    read_bytes(path, "feature tracks in NetCDF")
+    classic = read_bytes(path, "feature tracks in NetCDF").startswith(CLASSIC)
     xarray = xarray_for(source)
     try:
-        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
+        with xarray.open_dataset(path, engine="scipy" if classic else "h5netcdf", decode_times=False) as opened:
             found = opened.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{source}: not NetCDF 4 ({error})") from error
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise InputError(f"{source}: not NetCDF ({error})") from error
     return _measured(found, units, source)
 
 

@@ -27,8 +27,8 @@ def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
     Raises:
         InputError: one line that names file and line, what was found and what was expected.
     """
-    text, source = decoded(read_bytes(path, WHAT), str(path), WHAT), str(path)
-    lines = text.splitlines()
+    source = str(path)
+    lines = _text(read_bytes(path, WHAT), source).split("\n")
     if len(lines) < FIRST or not lines[0].startswith("PathFileType"):
         raise InputError(f"{source}: not {WHAT}, which begin with PathFileType and have five lines before the frames")
     facts = dict(zip(lines[FACTS].split("\t"), lines[VALUES].split("\t"), strict=False))
@@ -52,6 +52,14 @@ def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
         return FeatureTracks(numbers[:, 1], position, [head[column] for column in at]), unit
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+
+
+def _text(content: bytes, source: str) -> str:
+    """A file's text; recorders on Windows write its path, and labels, in Latin 1, others in UTF-8."""
+    try:
+        return decoded(content, source, WHAT)
+    except InputError:
+        return decoded(content.decode("latin-1").encode(), source, WHAT)
 
 
 def write_trc(tracks: FeatureTracks, name: str, stream: TextIO) -> None:

@@ -106,6 +106,18 @@ def test_parquet(precise, tmp_path):
     same(read_tracks(tmp_path / "t.parquet"), precise)
 
 
+@pytest.mark.parametrize("classic", [False, True])
+def test_netcdf_with_labels_of_characters(tracks, tmp_path, classic):
+    """As NetCDF 3, MATLAB and Fortran have them: labels were "b'left'", axes refused, and the classic form not read."""
+    found = dataset_of_tracks(tracks)
+    for name in ("feature", "axis"):
+        found[name] = np.char.encode(found[name].values.astype(str), "utf-8")
+    found.to_netcdf(tmp_path / "t.nc", engine="scipy" if classic else "h5netcdf")
+    assert (tmp_path / "t.nc").read_bytes().startswith(b"CDF") == classic
+    same(read_tracks(tmp_path / "t.nc"), tracks)
+    same(tracks_of_dataset(found), tracks)
+
+
 def test_netcdf_and_back(precise, tracks, tmp_path):
     for one in (precise, tracks):
         path = tmp_path / "t.nc"
@@ -239,7 +251,8 @@ def test_a_frame_that_holds_no_tracks_is_refused_in_a_line(tracks, change, expec
 
 @pytest.mark.parametrize("name, content, expected", [
     ("t.parquet", b"PAR1", "not Parquet"),
-    ("t.nc", b"CDF", "not NetCDF 4"),
+    ("t.nc", b"CDF", r"not NetCDF \("),
+    ("t.nc", b"CDF\1" + bytes(5), r"not NetCDF \("),
     ("t.trk", b"", "ends in '.trk', expected one of .csv, .parquet, .trc, .c3d, .nc, .zarr"),
 ])  # fmt: skip
 def test_other_files_are_refused(tmp_path, name, content, expected):

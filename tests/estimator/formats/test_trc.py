@@ -38,6 +38,16 @@ def test_trc_has_its_own_unit(tracks, tmp_path, unit):
     )
 
 
+def test_trc_of_a_path_in_latin_1(tracks, tmp_path):
+    """As of recorders on Windows, whose first line has the file's path: one letter refused the file."""
+    text = trc(tracks).replace("(X/Y/Z)\t", "(X/Y/Z)\tC:\\Jörg\\").replace("left", "Knöchel")
+    (tmp_path / "t.trc").write_bytes(text.encode("latin-1"))
+    found = read_tracks(tmp_path / "t.trc")
+    assert [label.replace("Knöchel", "left") for label in found.labels] == list(tracks.labels)
+    assert "Knöchel" in found.labels
+    np.testing.assert_allclose(found.position, tracks.position, rtol=1e-12)
+
+
 def test_trc_with_facts_left_out(tracks, tmp_path):
     text = trc(tracks).replace("\n2.0\t2.0\t40\t4\tmm", "\n\t\t40.0\t\tmm")
     (tmp_path / "t.trc").write_text(text, encoding="utf-8")
