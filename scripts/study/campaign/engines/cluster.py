@@ -50,7 +50,7 @@ class ClusterEngine:
         self._program = program or program_here()
         self._address = client.scheduler.address if client.scheduler is not None else "the scheduler"
         self._most, self._looked = LEAST_IN_HAND, 0.0
-        _check_workers(client, self._program)
+        _check_workers(client, self._program, self._address)
 
     def __str__(self) -> str:
         return f"on {self._address}, {counted(self._threads(), 'thread')} now"
@@ -196,12 +196,12 @@ def run_there(case: Case, unit: bytes, program: str) -> dict[str, Any]:
 _ALONE = threading.Lock()  # what a run warns of is caught for the whole process
 
 
-def _check_workers(client: "Client", wanted: str) -> None:
-    """That the workers that are there run this program, with a thread each."""
+def _check_workers(client: "Client", wanted: str, address: str) -> None:
+    """That the workers that are there run this program, with a thread each; address: of the scheduler."""
     try:
         found = client.run(program_here, on_error="return")
     except OSError as error:
-        raise ComputationError(f"the workers do not answer: {error}") from error
+        raise ComputationError(f"{address}: the scheduler is lost, before it told what its workers run") from error
     for worker, program in found.items():
         if isinstance(program, BaseException):
             raise InputError(

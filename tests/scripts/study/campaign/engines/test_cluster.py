@@ -11,13 +11,13 @@ import time
 
 import pytest
 
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.cli import app
 from baryscope.study.campaign import connected, mended, plan_of, read_plan, run_one
 from baryscope.study.campaign.engines import ClusterEngine, LocalEngine
 from baryscope.study.campaign.folder import RUNS
 
-pytest.importorskip("distributed", reason="needs dask.distributed (baryscope[cluster])")
+distributed = pytest.importorskip("distributed.comm", reason="needs dask.distributed (baryscope[cluster])")
 
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 DRAWS = 10
@@ -134,6 +134,22 @@ def test_a_lost_scheduler_loses_nothing_that_was_written(cluster, options, expec
     assert app.main(["campaign", *options, "-o", str(tmp_path)]) == 0
     assert lines_of(tmp_path) == expected
     assert (tmp_path / RUNS).read_bytes().count(b"\n") == DRAWS
+
+
+def test_a_scheduler_that_is_lost_before_the_first_run():
+    """It was "the workers do not answer: in <TCP (closed) ConnectionPool.broadcast …>: Stream is closed"."""
+
+    class Scheduler:
+        address = "tcp://there:8786"
+
+    class Client:
+        scheduler = Scheduler()
+
+        def run(self, *_, **__):
+            raise distributed.CommClosedError("in <TCP (closed) ConnectionPool.broadcast>: Stream is closed")
+
+    with pytest.raises(ComputationError, match=r"^tcp://there:8786: the scheduler is lost, before it told"):
+        ClusterEngine(Client(), "a program")
 
 
 @pytest.mark.parametrize("scheduler, words", [
