@@ -195,9 +195,10 @@ def _of_force(finding: UnknownBurn | UnknownPush) -> str:
             pairs = zip(finding.acceleration, finding.acceleration_deviation, strict=True)
             push = ", ".join(f"{value:.3g} ± {sd:.2g}" for value, sd in pairs)
             where = "away from the Sun" if finding.axes == "sun" else f"in {AXES[finding.axes]}"
+            alike = "" if finding.axes == "sun" else ", or the orbit or the camera's place is not as told"
             return (
                 f"something pushes the target against the chaser, by ({push}) m/s² {where} on average, which nothing "
-                "told; the estimate has it, and allows for its variation along the orbit"
+                f"told{alike}; the estimate has it, and allows for its variation along the orbit"
             )
 
 

@@ -113,7 +113,8 @@ def test_verdict_names_a_skew_axis():
         (
             UnknownPush("lvlh", (1.234e-8, -2.346e-6, 0.0), (2e-9, 3e-9, 1e-9)),
             "something pushes the target against the chaser, by (1.23e-08 ± 2e-09, -2.35e-06 ± 3e-09, 0 ± 1e-09) m/s² "
-            "in LVLH on average, which nothing told; the estimate has it, and allows for its variation along the orbit",
+            "in LVLH on average, which nothing told, or the orbit or the camera's place is not as told; the estimate "
+            "has it, and allows for its variation along the orbit",
         ),
         (
             UnknownPush("sun", (2e-7,), (3e-9,)),

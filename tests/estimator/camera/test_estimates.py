@@ -10,12 +10,14 @@ from scipy.stats import chi2
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
-from baryscope.estimator.findings import Departure
+from baryscope.estimator.findings import Departure, UnknownPush
 from baryscope.estimator.methods import attempt, estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Estimate, Status
-from free_paths import ORBIT, at_rest, in_orbit
-from synthetic import ENVISAT, attitude
+from free_paths import CHASER, ORBIT, at_rest, in_orbit
+from oracles import inertial_states, propagate_kepler
+from synthetic import ENVISAT, MU, attitude, make_case
 from turning_camera import ARM, POINTS, RATE, turning_camera, uncertain_rig
 
 pytestmark = pytest.mark.usefixtures("shared_pivot")
@@ -31,6 +33,12 @@ def nees(error, covariance):
 
 def through(seen, method, **options):
     return estimate(seen.tracks, method=method, orbit=ORBIT.model(), camera=seen.camera, options=PathOptions(**options))
+
+
+def up_at(time):
+    """Unit vectors (n, 3) from the Earth to the target, in C."""
+    place = np.array([propagate_kepler(*inertial_states(ORBIT.model(), *CHASER)[0], MU, t)[0] for t in time], float)
+    return place / np.linalg.norm(place, axis=1, keepdims=True)
 
 
 def of_offset(found):
@@ -151,6 +159,25 @@ def test_a_lever_arm_that_is_forgotten_is_an_error_of_its_size():
     options = PathOptions(trajectory="fixed")
     forgotten = estimate(seen.tracks, camera=replace(seen.camera, rig=Rig()), options=options)
     np.testing.assert_allclose(at_rest(TIME) - forgotten.position, np.tile(ARM, (len(TIME), 1)), atol=1e-3)
+
+
+def test_a_forgotten_lever_arm_of_a_camera_that_looks_at_the_target_is_named_as_a_push():
+    """A metre that stays where it is in LVLH, as of a camera that turns with the line of sight, takes 3 n² m/s² outward
+    (Clohessy and Wiltshire 1960), of which the tracks tell no more: "something pushes" was all that was said of an
+    answer 1 m off by more than 100 deviations.
+    """
+    orbit, time = ORBIT.model(), 4.0 * np.arange(250.0)
+    path, up = in_orbit(time), up_at(time)
+    case = make_case(time, attitude(ENVISAT, RATE, time), path - up, POINTS, noise=0.02)
+    found = estimate(case.tracks, orbit=orbit)
+    (push,) = found.findings
+    assert isinstance(push, UnknownPush)
+    outward, *others = np.abs(push.acceleration)
+    mean_motion = np.sqrt(orbit.gravitational_parameter / orbit.semi_major_axis**3)
+    assert outward == pytest.approx(3 * mean_motion**2, rel=0.1)  # of an orbit that is nearly a circle
+    assert max(others) < 0.1 * outward
+    assert nees(found.position[125] - path[125], found.covariance[125]) > 100**2
+    assert "or the orbit or the camera's place is not as told" in sentence(push)
 
 
 def test_a_prediction_of_the_filter_has_the_velocity_errors_of_its_camera():
