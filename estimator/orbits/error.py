@@ -32,7 +32,7 @@ UNTOLD_TURN = float(np.radians(0.2))  # of an orbit, rad, rms: each size from 1 
 LEAST = 1.0  # m, standard deviation of a component
 GREATEST = float(np.radians(1.0))  # the same seen from the Earth's centre, rad: a file that is further off is another's
 # A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
-SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])
+SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])  # on a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +76,14 @@ def orbit_error(
     begin: float,
     end: float,
     deviation: float | None = None,
+    *,
+    untold: bool = False,
 ) -> Force:
     """The accelerations of the centre of mass by an error of the orbit over begin … end in s.
 
     Their factors are the target's displacement in LVLH at the middle of the time, and its rate over the mean motion, m.
-    position: times (k,) in s → the path (k, 3) in C, m. deviation: of the greatest, m; None: to be estimated.
+    position: times (k,) in s → the path (k, 3) in C, m. deviation: along the track, m; None: to be estimated. untold:
+    what is likely of an orbit, of which the tracks say how large a share may be: shares are those on a circle then.
     """
     displaced = PerturbedOrbit(orbit, (begin + end) / 2)
 
@@ -94,11 +97,30 @@ def orbit_error(
         return perturbing_accelerations(pairs, STEP, position(time))
 
     longest, breaks = longest_on(orbit, begin, end), np.zeros(0)
+    shares = SHARES if untold else shares_on(orbit, (begin + end) / 2)
     if deviation is not None:
-        return Force(acceleration, NAMES, "m", deviation * SHARES, longest, breaks)
+        return Force(acceleration, NAMES, "m", deviation * shares, longest, breaks)
     greatest = GREATEST * orbit.semi_major_axis
     scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(greatest)))
-    return Force(acceleration, NAMES, "m", SHARES, longest, breaks, scale)
+    return Force(acceleration, NAMES, "m", shares, longest, breaks, scale)
+
+
+def shares_on(orbit: Orbit, moment: float) -> FloatArray:
+    """The deviations (6,) of the factors of `NAMES` at a moment in s, over that of the place along the track.
+
+    On an ellipse, a target that is early has another radius and other rates than one whose ellipse is turned in its
+    plane, though both are as far along: by ṙ r/h of that, and in the rates by r̈ r/h and ∓ṙ/r, h being r² θ̇.
+    """
+    state = target_states(orbit, np.array([moment]))[0]
+    place, velocity = state[:3], state[3:]
+    r, h = float(np.linalg.norm(place)), float(np.linalg.norm(np.cross(place, velocity)))
+    climb, fall = float(place @ velocity) / r, h**2 / r**3 - orbit.gravitational_parameter / r**2
+    shares = SHARES.copy()
+    for index, of_ellipse in zip(
+        (0, 3, 4), (climb * r / h, fall * r / h / orbit.mean_motion, climb / r / orbit.mean_motion), strict=True
+    ):
+        shares[index] = np.hypot(shares[index], of_ellipse)
+    return shares
 
 
 def perturbing_accelerations(

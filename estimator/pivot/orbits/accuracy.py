@@ -135,8 +135,9 @@ def _doubts(found: PivotSolution, orbit: Orbit, options: PathOptions) -> tuple[_
             doubts.append(_Doubt.of(beside, size, told=acts) if excess < DECISIVE else None)
     elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
-        beside = _Beside.of(found, orbit_error(orbit, found.position, *span, deviation))
-        if orbit.accuracy is not None:
+        untold = orbit.accuracy is None
+        beside = _Beside.of(found, orbit_error(orbit, found.position, *span, deviation, untold=untold))
+        if not untold:
             doubts.append(_Doubt.of(beside, deviation, told=True))
         elif isinstance(path, ProcessNoisePath):
             doubts.append(_Doubt.of_untold(beside, OF_ORBIT))
