@@ -1,7 +1,10 @@
 /* A spin, the state of a tumble, and what it is wrong by: both go on by Euler's equation, and errors with white torque. */
 
-#define FINE 0.15 /* rad, a step of the integration */
-enum { MOST_STEPS = 500 };
+#define FINE 0.15             /* rad, a step of the integration */
+#define ERROR_OF_MOMENTS 0.03 /* of an estimate, for a trace of 1 */
+#define LEAST_MOMENT 0.003
+#define NEARER 0.95
+enum { MOST_STEPS = 500, MOST_NEARER = 100 };
 
 /* Densities of white torque, of the angular acceleration, rad2/s3. */
 static const double TORQUE[TORQUES] = {1e-15,       1e-15 * 1e1, 1e-15 * 1e2, 1e-15 * 1e3, 1e-15 * 1e4,
@@ -15,12 +18,40 @@ static void inertia_of(const double j[5], double J[3][3]) {
         }
 }
 
-/* Whether moments of inertia of trace 1 are possible: none is larger than the sum of the others. */
-static int possible(double J[3][3]) {
-    double half[3][3];
+/* Whether no moment of inertia of trace 1 is less than a least one, nor larger than the sum of the others, but for errors of an estimate: of a sheet or a rod
+   it is as large. */
+static int moments_from(double least, double J[3][3]) {
+    double more[3][3], left[3][3];
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) half[a][b] = (a == b ? 0.5 : 0.0) - J[a][b];
-    return is_definite(J) && is_definite(half);
+        for (int b = 0; b < 3; b++) {
+            more[a][b] = J[a][b] - (a == b ? least : 0.0);
+            left[a][b] = (a == b ? 0.5 + ERROR_OF_MOMENTS : 0.0) - J[a][b];
+        }
+    return is_definite(more) && is_definite(left);
+}
+
+/* Whether an estimate of the inertia may be that of a body. */
+static int possible(double J[3][3]) { return moments_from(-ERROR_OF_MOMENTS, J); }
+
+/* The inertia, held where Euler's equation can go on with it, nearer to that of a sphere; taken: from its coefficients. */
+static void hold_inertia(double j[5], double taken[5]) {
+    double J[3][3];
+    for (int k = 0; k < 5; k++) taken[k] = j[k];
+    for (int n = 0; n < MOST_NEARER; n++) {
+        inertia_of(j, J);
+        if (moments_from(LEAST_MOMENT, J)) break;
+        scale_block(j, 5, NEARER);
+    }
+    for (int k = 0; k < 5; k++) taken[k] -= j[k];
+}
+
+/* The inertia of a spin is held; 0 if it is none of a body. */
+static int settled_inertia(Spin *spin) {
+    double J[3][3], taken[5];
+    inertia_of(spin->j, J);
+    if (!possible(J)) return 0;
+    hold_inertia(spin->j, taken);
+    return 1;
 }
 
 /* The spin corrected by x. */

@@ -1,15 +1,16 @@
 /* The tumble: attitude, rate and inertia ratios from the attitudes of the nodes.
 
    It is free or, on an orbit, may be under the gravity gradient: two references. Over the first turn, least squares for
-   the inertia and the angular momentum in C, R J R' w = L, from the rate between nodes, finds a reference. Then Kalman filters
-   of what its attitude, rate and inertia are wrong by, one for each density of white torque, take all nodes: first those that
-   are kept, linear about the reference, and from there on one after the other, after each of which the reference goes to their
-   mean. They are weighed by their likelihoods and, before the first node, by the root of their density: it is uniform. If the
-   attitudes do not fit, all begins again. */
+   the inertia and the angular momentum in C, R J R' w = L, from the rate between nodes, finds a reference, with the rate from
+   the first attitude to the next one. Then Kalman filters of what its attitude, rate and inertia are wrong by, one for each
+   density of white torque, take all nodes: first those that are kept, linear about the reference, and from there on one after
+   the other, after each of which the reference goes to their mean. They are weighed by their likelihoods and, before the first
+   node, by the root of their density: it is uniform. If the attitudes do not fit, all begins again. */
 
 #define WHOLE_TURN 6.283185307179586
 #define SPHERE 0.15   /* standard deviation of the coefficients of an inertia of trace 1 from those of a sphere */
 #define KNOWN 0.1     /* relative deviation of the rate at which the filters begin */
+#define NEAR 1.5      /* rad, between attitudes that tell the rate */
 #define MISFIT 4.0    /* mean square of the innovations, in units of their covariance */
 #define IMPOSSIBLE (-100.0)
 enum { FEWEST_PAIRS = 12, MEMORY = 16, TO_AND_FRO = 2 };
@@ -89,33 +90,82 @@ static void keep_attitude(Tumble *tumble, const Attitude *attitude) {
     tumble->kept += 1.0, tumble->waits = tumble->skip + 1.0;
 }
 
-/* The reference through the first attitude by least squares; 0 as long as it is not known well enough. */
-static int first_spin(ReferenceTumble *reference, const double R[3][3]) {
-    double N[64], x[8], J[3][3], inverse[3][3], L[3], square = 0.0, *w = reference->spin.w;
+/* The reference through the first attitude by least squares, and the covariance of its rate in B; 0 if they do not tell it. */
+static int of_momentum(ReferenceTumble *reference, const double R[3][3], double of_rate[3][3]) {
+    double N[64], x[8], taken[5], J[3][3], inverse[3][3], L[3], rows[3][8], *w = reference->spin.w;
     for (int k = 0; k < 64; k++) N[k] = reference->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
     for (int k = 0; k < 8; k++) x[k] = reference->rhs[k];
     if (!factored(8, N)) return 0;
     solved(8, N, x);
     inertia_of(x, J);
-    if (!possible(J) || !inverted(J, inverse)) return 0;
+    if (!possible(J)) return 0;
+    hold_inertia(x, taken);
+    inertia_of(x, J);
+    if (!inverted(J, inverse)) return 0;
     quaternion_of(R, reference->spin.q);
     transposed_times(R, &x[5], L);
     times(inverse, L, w);
     for (int k = 0; k < 5; k++) reference->spin.j[k] = x[k];
     /* J dw = R' dL - dJ w */
     for (int a = 0; a < 3; a++) {
-        double row[8], solution[8];
         for (int k = 0; k < 5; k++) {
             double moved[3];
             times(INERTIA_BASIS[k], w, moved);
-            row[k] = -dot(inverse[a], moved);
+            rows[a][k] = -dot(inverse[a], moved);
         }
-        for (int b = 0; b < 3; b++) row[5 + b] = dot(inverse[a], R[b]);
-        for (int k = 0; k < 8; k++) solution[k] = row[k];
-        solved(8, N, solution);
-        for (int k = 0; k < 8; k++) square += row[k] * solution[k];
+        for (int b = 0; b < 3; b++) rows[a][5 + b] = dot(inverse[a], R[b]);
     }
-    return square < KNOWN * KNOWN * dot(w, w);
+    for (int a = 0; a < 3; a++) {
+        double solution[8];
+        for (int k = 0; k < 8; k++) solution[k] = rows[a][k];
+        solved(8, N, solution);
+        for (int b = 0; b < 3; b++) {
+            of_rate[a][b] = 0.0;
+            for (int k = 0; k < 8; k++) of_rate[a][b] += rows[b][k] * solution[k];
+        }
+    }
+    return 1;
+}
+
+/* The rate in B at an attitude by the next one, of an inertia J, and its covariance; 0 if that is too far. */
+static int rate_between(const Attitude *first, const Attitude *next, const double J[3][3], const double inverse[3][3], double w[3], double of_rate[3][3]) {
+    const double T = next->time - first->time;
+    double turn[3], momentum[3], torque[3], change[3], noise[3][3], body[3][3], turned[3][3];
+    if (!(angle_between(next->R, first->R, turn) < NEAR)) return 0;
+    transposed_times(first->R, turn, w);
+    for (int k = 0; k < 3; k++) w[k] /= T;
+    times(J, w, momentum);
+    cross(w, momentum, torque);
+    times(inverse, torque, change); /* J dw = -w x J w dt, from halfway back to the first */
+    for (int k = 0; k < 3; k++) w[k] += 0.5 * T * change[k];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) noise[i][j] = (first->noise[i][j] + next->noise[i][j]) / (T * T);
+    transposed(first->R, body);
+    product(body, noise, turned);
+    by_transposed(turned, body, of_rate);
+    return 1;
+}
+
+/* The reference through the first of the attitudes that are kept; 0 as long as it is not known well enough. About the long axis of a rod momentum hardly tells
+   the rate, but the next attitude does. */
+static int first_spin(ReferenceTumble *reference, const Attitude kept[2]) {
+    double of_rate[3][3], rate[3], noise[3][3], J[3][3], inverse[3][3], *w = reference->spin.w;
+    if (!of_momentum(reference, kept[0].R, of_rate)) return 0;
+    inertia_of(reference->spin.j, J);
+    if (inverted(J, inverse) && rate_between(&kept[0], &kept[1], J, inverse, rate, noise)) {
+        double sum[3][3], gain[3][3], off[3], moved[3], less[3][3];
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) sum[i][j] = of_rate[i][j] + noise[i][j];
+        if (!inverted(sum, less)) return 0;
+        product(of_rate, less, gain);
+        for (int k = 0; k < 3; k++) off[k] = rate[k] - w[k];
+        times(gain, off, moved);
+        for (int k = 0; k < 3; k++) w[k] += moved[k];
+        product(gain, of_rate, less);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) of_rate[i][j] -= less[i][j];
+    }
+    return of_rate[0][0] + of_rate[1][1] + of_rate[2][2] < KNOWN * KNOWN * dot(w, w);
 }
 
 /* ---- the filters ---- */
@@ -179,18 +229,20 @@ static void weigh_errors(Tumble *tumble, int count) {
     }
 }
 
-/* Every reference goes to the mean of its filters. */
+/* Every reference goes to the mean of its filters, or as near as it may be. */
 static void centre_reference(ReferenceTumble *reference) {
-    double mean[SPIN] = {0}, sum = 0.0, highest = best_weight(reference);
+    double mean[SPIN] = {0}, taken[5], sum = 0.0, highest = best_weight(reference);
     for (int m = 0; m < TORQUES; m++) {
         double share = exp(reference->errors.weight[m] - highest);
         sum += share;
         for (int a = 0; a < SPIN; a++) mean[a] += share * reference->errors.x[a][m];
     }
     for (int a = 0; a < SPIN; a++) mean[a] /= sum;
+    correct_spin(&reference->spin, mean);
+    hold_inertia(reference->spin.j, taken);
+    for (int k = 0; k < 5; k++) mean[6 + k] -= taken[k];
     for (int a = 0; a < SPIN; a++)
         for (int m = 0; m < TORQUES; m++) reference->errors.x[a][m] -= mean[a];
-    correct_spin(&reference->spin, mean);
 }
 
 /* The mean of all filters, their covariance, and the mean density of torque but of those that are as good as refuted. */
@@ -260,14 +312,13 @@ static double take_kept(Tumble *tumble, int c, const OnlineOptions *options, con
    enough yet. */
 static double start_reference(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
     ReferenceTumble *reference = &tumble->reference[c];
-    if (!first_spin(reference, tumble->attitude[0].R)) return 0.0;
+    if (!first_spin(reference, tumble->attitude)) return 0.0;
     for (int round = 0; round < TO_AND_FRO; round++) {
         Spin before = reference->spin;
-        double F[6][SPIN], Q[6][6], J[3][3], back = tumble->attitude[0].time - last->time;
+        double F[6][SPIN], Q[6][6], back = tumble->attitude[0].time - last->time;
         if (!(take_kept(tumble, c, options, last) < INFINITY)) return INFINITY;
         centre_reference(reference);
-        inertia_of(reference->spin.j, J);
-        if (!possible(J) || !spin_on(options, &reference->spin, last->time, back, F, Q)) {
+        if (!spin_on(options, &reference->spin, last->time, back, F, Q)) {
             reference->spin = before;
             break;
         }
@@ -296,6 +347,7 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
     weigh_errors(tumble, count);
     for (int c = 0; c < count; c++) centre_reference(&tumble->reference[c]);
     sum_up(tumble, count);
+    if (!settled_inertia(&tumble->spin)) return;
     tumble->known = 1.0, tumble->kept = 0.0;
     tumble->misfit = 1.0;
 }
@@ -303,7 +355,7 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
 /* Take the attitude of a node: R, `turn` from the one `before`, from `begin` to `end`; far: over a gap, where the mean rate says little. */
 static void follow(Tumble *tumble, const OnlineOptions *options, double begin, double end, const double before[3][3],
                    const double turn[3], int far, const double R[3][3], const double noise[3][3]) {
-    double squares[REFERENCES], J[3][3];
+    double squares[REFERENCES];
     int count = reference_count(options);
     if (tumble->known == 0.0) {
         add_pair(tumble, options, before, turn, far, end - begin, end, (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0);
@@ -326,6 +378,5 @@ static void follow(Tumble *tumble, const OnlineOptions *options, double begin, d
     for (int c = 0; c < count; c++) centre_reference(&tumble->reference[c]);
     sum_up(tumble, count);
     tumble->misfit += (squares[best] / 3.0 - tumble->misfit) / MEMORY;
-    inertia_of(tumble->spin.j, J);
-    if (!(tumble->misfit < MISFIT) || !possible(J)) forget_tumble(tumble);
+    if (!(tumble->misfit < MISFIT) || !settled_inertia(&tumble->spin)) forget_tumble(tumble);
 }
