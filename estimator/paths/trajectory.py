@@ -55,9 +55,13 @@ def chosen_path(
     highest: the degree up to which a smooth path has coefficients.
 
     Raises:
-        InputError: an unknown trajectory, a degree out of range, or what is asked for needs an orbit or its epoch.
+        InputError: an unknown trajectory, a degree out of range, accelerations of a fixed point, or what is asked for
+            needs an orbit or its epoch.
     """
     trajectory, known = replace(trajectory_of(options.trajectory, orbit), highest=highest), options.acceleration
+    if trajectory.degree == 0 and (known is not None or options.constant_acceleration != "none"):
+        name = "constant_acceleration" if known is None else "acceleration"
+        raise InputError(f"{name}: found with a fixed trajectory, expected one on which something moves")
     path = trajectory.path(orbit, begin, end, known)
     if errors is not None and len(errors.deviations):
         path = SeenPath(path, errors)

@@ -8,10 +8,12 @@ from numpy.polynomial import Chebyshev
 from scipy.spatial.transform import Rotation
 from scipy.special import jv
 
+from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.path import DECAY, FREQUENCY, OVERTONES, Polynomial, SmoothPath
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
-from baryscope.estimator.paths.trajectory import Trajectory, trajectory_of
+from baryscope.estimator.paths.trajectory import Trajectory, chosen_path, trajectory_of
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from oracles import inertial_states, propagate_kepler
 from synthetic import MU, Orbit
@@ -106,6 +108,16 @@ def test_impossible_trajectories_are_refused():
         trajectory_of("polynomial:21", None)
     with pytest.raises(InputError, match="needs the target's orbit; expected an orbit"):
         trajectory_of("relative-orbit", None)
+
+
+@pytest.mark.parametrize("trajectory", ["fixed", "polynomial:0"])
+def test_what_accelerates_a_point_that_is_fixed_is_refused(trajectory):
+    """It was taken, and neither a point at rest nor one that moves was found."""
+    pushed = KnownAcceleration([0.0, 50.0], np.full((2, 3), 0.01))
+    with pytest.raises(InputError, match=r"^acceleration: found with a fixed trajectory, expected one"):
+        chosen_path(PathOptions(trajectory=trajectory, acceleration=pushed), None, 0.0, 100.0)
+    with pytest.raises(InputError, match=r"^constant_acceleration: found with a fixed trajectory"):
+        chosen_path(PathOptions(trajectory=trajectory, constant_acceleration="inertial"), None, 0.0, 100.0)
 
 
 def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
