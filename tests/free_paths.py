@@ -53,10 +53,11 @@ def in_orbit(time):
     return np.array(difference, dtype=float)
 
 
-def pushed(time, acceleration, axes, variation=0.0):
+def pushed(time, acceleration, axes, variation=0.0, exponent=0.0):
     """Positions and velocities (n, 6) in C where the target of two orbits has a constant acceleration in axes.
 
-    variation: by how much of its mean that varies with the target's place, most where it is at time 0.
+    variation: by how much of its mean that varies with the target's place, most where it is at time 0; exponent: by
+    how much its logarithm does so.
     """
     target, chaser = inertial_states(ORBIT.model(), *CHASER)
     most = target[0] / np.linalg.norm(target[0])
@@ -67,7 +68,8 @@ def pushed(time, acceleration, axes, variation=0.0):
         normal = momentum / np.linalg.norm(momentum)
         R_C_A = np.column_stack([up, cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
         falls = [-MU * one / np.linalg.norm(one) ** 3 for one in (r, to_chaser)]
-        return np.concatenate([v, falls[0] + (1 + variation * up @ most) * R_C_A @ acceleration, s[9:], falls[1]])
+        factor = (1 + variation * up @ most) * np.exp(exponent * up @ most)
+        return np.concatenate([v, falls[0] + factor * R_C_A @ acceleration, s[9:], falls[1]])
 
     start = np.concatenate([*target, *chaser])
     end = solve_ivp(slope, (0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-7).y

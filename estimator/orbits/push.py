@@ -1,7 +1,8 @@
 """A push of the target less the chaser that nobody tells, as an unknown of the path: drag, light, a leak.
 
 Drag varies with the density of the air, which is greater by day than by night, and light with the attitude and in the
-Earth's shadow: so a push has a constant part, and waves of the orbit's frequency that are smaller by a given ratio.
+Earth's shadow: so a push has a constant part, and waves of the orbit's frequency and of twice that, which are smaller
+by given ratios.
 """
 
 from dataclasses import dataclass, replace
@@ -25,8 +26,9 @@ UNTOLD_LIGHT = 1e-7  # m/s²: as light is on one body more than on another, in a
 # What drag is at an altitude on bodies that differ by 0.02 m²/kg, and the scale height there (Vallado 2013, table 8-4).
 UNTOLD_DRAG, ALTITUDE, SCALE_HEIGHT = 1e-6, 450e3, 61e3  # m/s², m
 MOST_PUSH = 1e-5  # m/s², where nothing stays for long
-# A wave's share of a push: both phases together as of density that is twice as great at the most as at the least.
-VARIATION = 1 / 3 / np.sqrt(2)
+# Shares of waves in a push, both phases together, as of density that is twice as great at the most as at the least: if
+# its logarithm is a wave of κ = 1/3, it has one of twice the frequency, of κ²/4.
+WAVES = {"cosine": 1 / 3, "sine": 1 / 3, "cosine of twice the arc": 1 / 36, "sine of twice the arc": 1 / 36}
 PUSH, LEAST_PUSH = "push", 1e-9  # the hyperparameter: the variance of each component; m/s², the least deviation
 
 
@@ -85,13 +87,14 @@ def with_any_push(path: Path, orbit: Orbit, begin: float, end: float) -> tuple[U
         constant = constant_of(axes, orbit, begin, end)
         count = len(constant.names)
         force = constant if axes == "sun" else _varying(constant, orbit, begin, end)
-        sizes = np.where(np.arange(len(force.names)) < count, 1.0, VARIATION)
+        shares = np.array([1.0, *np.array([*WAVES.values()]) / np.sqrt(2)])
+        sizes = np.repeat(shares, count)[: len(force.names)]
         found.append(UnknownPushPath(path, replace(force, deviations=sizes, scale=scale), begin, end, axes, count))
     return tuple(found)
 
 
 def _varying(force: Force, orbit: Orbit, begin: float, end: float) -> Force:
-    """The force, and the same times cosine and sine of the arc since begin, less what these are on average until end.
+    """The force, and the same times the waves of the arc since begin, less what these are on average until end.
 
     begin, end: s. So what it is itself is the mean over that time.
     """
@@ -99,15 +102,17 @@ def _varying(force: Force, orbit: Orbit, begin: float, end: float) -> Force:
 
     def waves(time: FloatArray) -> FloatArray:
         place = target_states(orbit, time)[:, :3]
-        return np.asarray(place @ to_begin / np.linalg.norm(place, axis=1, keepdims=True))
+        cosine, sine = (place @ to_begin / np.linalg.norm(place, axis=1, keepdims=True)).T
+        return np.stack([cosine, sine, cosine**2 - sine**2, 2 * cosine * sine], axis=1)
 
     mean = waves(np.linspace(begin, end, SPAN_TIMES)).mean(axis=0)
 
     def acceleration(time: FloatArray) -> FloatArray:
         own, wave = force.acceleration(time), waves(time) - mean
-        return np.concatenate([own, own * wave[:, :1, None], own * wave[:, 1:, None]], axis=2)
+        varying = own[:, :, None, :] * wave[:, None, :, None]
+        return np.concatenate([own, varying.reshape(*own.shape[:2], -1)], axis=2)
 
-    names = tuple(f"{VARIES} {name}, {wave}" for wave in ("cosine", "sine") for name in force.names)
+    names = tuple(f"{VARIES} {name}, {wave}" for wave in WAVES for name in force.names)
     return replace(force, acceleration=acceleration, names=force.names + names)
 
 
