@@ -115,12 +115,8 @@ def shares_on(orbit: Orbit, moment: float) -> FloatArray:
     place, velocity = state[:3], state[3:]
     r, h = float(np.linalg.norm(place)), float(np.linalg.norm(np.cross(place, velocity)))
     climb, fall = float(place @ velocity) / r, h**2 / r**3 - orbit.gravitational_parameter / r**2
-    shares = SHARES.copy()
-    for index, of_ellipse in zip(
-        (0, 3, 4), (climb * r / h, fall * r / h / orbit.mean_motion, climb / r / orbit.mean_motion), strict=True
-    ):
-        shares[index] = np.hypot(shares[index], of_ellipse)
-    return shares
+    n = orbit.mean_motion
+    return np.asarray(np.hypot(SHARES, [climb * r / h, 0.0, 0.0, fall * r / h / n, climb / r / n, 0.0]))
 
 
 def perturbing_accelerations(

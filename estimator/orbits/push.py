@@ -87,8 +87,7 @@ def with_any_push(path: Path, orbit: Orbit, begin: float, end: float) -> tuple[U
         constant = constant_of(axes, orbit, begin, end)
         count = len(constant.names)
         force = constant if axes == "sun" else _varying(constant, orbit, begin, end)
-        shares = np.array([1.0, *np.array([*WAVES.values()]) / np.sqrt(2)])
-        sizes = np.repeat(shares, count)[: len(force.names)]
+        sizes = np.repeat([1.0, *(share / np.sqrt(2) for share in WAVES.values())], count)[: len(force.names)]
         found.append(UnknownPushPath(path, replace(force, deviations=sizes, scale=scale), begin, end, axes, count))
     return tuple(found)
 

@@ -90,9 +90,9 @@ static void keep_attitude(Tumble *tumble, const Attitude *attitude) {
     tumble->kept += 1.0, tumble->waits = tumble->skip + 1.0;
 }
 
-/* The reference through the first attitude by least squares, and the covariance of its rate in B; 0 if they do not tell it. */
-static int of_momentum(ReferenceTumble *reference, const double R[3][3], double of_rate[3][3]) {
-    double N[64], x[8], taken[5], J[3][3], inverse[3][3], L[3], rows[3][8], *w = reference->spin.w;
+/* The reference through the first attitude by least squares, its inertia J with its inverse, and the covariance of its rate in B; 0 if they do not tell it. */
+static int of_momentum(ReferenceTumble *reference, const double R[3][3], double J[3][3], double inverse[3][3], double of_rate[3][3]) {
+    double N[64], x[8], taken[5], L[3], rows[3][8], *w = reference->spin.w;
     for (int k = 0; k < 64; k++) N[k] = reference->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
     for (int k = 0; k < 8; k++) x[k] = reference->rhs[k];
     if (!factored(8, N)) return 0;
@@ -150,9 +150,8 @@ static int rate_between(const Attitude *first, const Attitude *next, const doubl
    the rate, but the next attitude does. */
 static int first_spin(ReferenceTumble *reference, const Attitude kept[2]) {
     double of_rate[3][3], rate[3], noise[3][3], J[3][3], inverse[3][3], *w = reference->spin.w;
-    if (!of_momentum(reference, kept[0].R, of_rate)) return 0;
-    inertia_of(reference->spin.j, J);
-    if (inverted(J, inverse) && rate_between(&kept[0], &kept[1], J, inverse, rate, noise)) {
+    if (!of_momentum(reference, kept[0].R, J, inverse, of_rate)) return 0;
+    if (rate_between(&kept[0], &kept[1], J, inverse, rate, noise)) {
         double sum[3][3], gain[3][3], off[3], moved[3], less[3][3];
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) sum[i][j] = of_rate[i][j] + noise[i][j];
