@@ -6,7 +6,7 @@ from typing import Self
 
 import casadi as ca
 
-from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_L, rotation_I_P
+from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_P
 
 PARAMETERS = (
     "orbit.semiMajorAxis",
@@ -195,10 +195,18 @@ def true_anomaly_after(time: Symbol, elements: Elements) -> Symbol:
 
 def position_and_velocity(time: Symbol, elements: Elements) -> Symbol:
     """[r; v] (6,) from the centre in I, m and m/s; t in s from the epoch of the elements."""
-    anomaly = true_anomaly_after(time, elements)
-    here, R_I_L = conic(elements.ellipse, anomaly), rotation_I_L(elements.R_I_P, anomaly)
-    velocity_L = ca.vertcat(here.radial_rate, here.radius * here.anomaly_rate, 0)
-    return ca.vertcat(here.radius * R_I_L[:, 0], R_I_L @ velocity_L)
+    return at_anomaly(true_anomaly_after(time, elements), elements)
+
+
+def at_anomaly(true_anomaly: Symbol, elements: Elements) -> Symbol:
+    """[r; v] (6,) from the centre in I, m and m/s, at a true anomaly in rad (Vallado 2013, algorithm 10)."""
+    ellipse, cosine, sine = elements.ellipse, ca.cos(true_anomaly), ca.sin(true_anomaly)
+    radius = conic(ellipse, true_anomaly).radius
+    speed = ellipse.semi_latus_rectum * ellipse.rate
+    return ca.vertcat(
+        radius * elements.R_I_P @ ca.vertcat(cosine, sine, 0),
+        speed * elements.R_I_P @ ca.vertcat(-sine, ellipse.eccentricity + cosine, 0),
+    )
 
 
 def osculating(state: Symbol, mu: Symbol) -> Elements:

@@ -23,7 +23,7 @@ from baryscope.models.forces import (
     zonal_strength,
 )
 from baryscope.models.frames import Symbol, normalised
-from baryscope.models.keplerian import Elements, conic
+from baryscope.models.keplerian import Elements, at_anomaly
 from baryscope.models.variables import Force, Forces
 
 Values = Mapping[str, Symbol]
@@ -96,11 +96,8 @@ def lvlh_rate(r: Symbol, v: Symbol, acceleration_I: Symbol) -> Symbol:
 def initial_motion(parameters: Values, forces: Forces) -> Symbol:
     """(θ, r, v, ρ, ρ̇) at the start: the Kepler orbit of the elements osculates there."""
     elements, constants = Elements.named(parameters), constants_of(parameters, forces)
-    theta, ellipse = elements.true_anomaly, elements.ellipse
-    cosine, sine = ca.cos(theta), ca.sin(theta)
-    r = conic(ellipse, theta).radius * elements.R_I_P @ ca.vertcat(cosine, sine, 0)
-    speed = ellipse.semi_latus_rectum * ellipse.rate
-    v = speed * elements.R_I_P @ ca.vertcat(-sine, ellipse.eccentricity + cosine, 0)
+    theta = elements.true_anomaly
+    r, v = ca.vertsplit(at_anomaly(theta, elements), 3)
     R_I_L, spin = lvlh_axes(r, v), _spin(r, v, constants, forces)
     position_L, velocity_L = parameters["chaser.position0"], parameters["chaser.velocity0"]
     return ca.vertcat(theta, r, v, R_I_L @ position_L, R_I_L @ (velocity_L + ca.cross(spin, position_L)))
