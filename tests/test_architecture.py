@@ -1,4 +1,4 @@
-"""Which way imports run: between the packages, between their rooms, and inside a room."""
+"""Which way imports run: between the packages, between their rooms, and inside a room; and how long lines are."""
 
 import ast
 import tomllib
@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 BARYSCOPE = "baryscope"
+LONGEST = 160  # characters of a line of C, JavaScript or CSS
 
 # From the bottom up; a layer may import from those above it in this list. What shares a line stands side by side.
 LAYERS = [
@@ -219,3 +220,17 @@ def test_a_room_has_its_row_in_the_page_of_the_architecture(package):
     rows = [line for line in page.splitlines() if line.startswith(f"| `{folders[0]}/")]
     names = {f"`{'/'.join(folders[first:])}/`" for first in range(len(folders))}
     assert any(name in row for row in rows for name in names), f"{package} has no row"
+
+
+def test_no_line_is_too_long_to_read():
+    """Those of Python are ruff's."""
+    sources = [path for folder in ("fmu/csrc", "scripts") for path in (ROOT / folder).rglob("*")]
+    read = [path for path in sources if path.suffix in {".c", ".h", ".js", ".css"}]
+    assert read
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number}: {len(line)}"
+        for path in read
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if len(line) > LONGEST
+    ]
+    assert wrong == []

@@ -44,7 +44,8 @@ static ALWAYS_INLINE void gather_members(const PackedMember *bank, Abreast *memb
 }
 
 /* Numbers of members that are kept one after the other. */
-static ALWAYS_INLINE void pack_run(int count, const double *restrict from, double *restrict first, double *restrict second, double *restrict third, double *restrict last) {
+static ALWAYS_INLINE void pack_run(int count, const double *restrict from, double *restrict first, double *restrict second, double *restrict third,
+                                   double *restrict last) {
     for (int k = 0; k < count; k++) {
         const double *at = from + k * ABREAST;
         first[k] = at[0], second[k] = at[1], third[k] = at[2], last[k] = at[3];
@@ -84,8 +85,8 @@ static ALWAYS_INLINE void go_to_node_abreast(const OnlineOptions *options, const
     add_noise_abreast(ABREAST, members->manoeuvred, members->bent, &noise, measurement->since, members->P);
 }
 
-/* Members of a bank go on to a node, `there` 0, or have, and take it along a curve, or NULL; what it only seems to show is taken back. Of one that becomes less likely
-   than its *least, only how likely. 0 where rounding has left a covariance indefinite. */
+/* Members of a bank go on to a node, `there` 0, or have, and take it along a curve, or NULL; what it only seems to show is taken back. Of one that becomes less
+   likely than its *least, only how likely. 0 where rounding has left a covariance indefinite. */
 WIDE static int take_abreast(const OnlineOptions *options, PackedMember *bank, Abreast *members, int there, const Measurement *measurement, Curve curve,
                              double widest) {
     double e[3 * ABREAST], C[9 * ABREAST], B[3][ERRORS * ABREAST], change[OF_THRUST * ABREAST], density[ABREAST];

@@ -5,9 +5,10 @@ Some take it for straight, or the orbit that is told, with white acceleration of
 the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
 their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
 an acceleration in a random walk, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
-(posterior.c). Others take thrusters for changing (wander.c), and further ones have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
-d being what the map's offset is wrong by, and s its size: where depths are far less precise than directions, as a stereo rig's
-are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
+(posterior.c). Others take thrusters for changing (wander.c), and further ones have jumped (jumps.c). A member sees where a frame
+puts the map's centre of mass: r + R d + g s, d being what the map's offset is wrong by, and s its size: where depths are far less
+precise than directions, as a stereo rig's are, a map that is too large is seen too far away, in all frames alike. Of the size a
+member knows what the large filter does. */
 
 /* What a member takes the path for: densities of white acceleration, m2/s3, and of white jerk, m2/s5, and the deviation of
    an acceleration at first, m/s2; by how much of the told variance thrusters change, 1/s; and how much of it errors have that each push has
@@ -25,7 +26,7 @@ typedef struct {
 #define LEAST_OF_GRAVITY 0.5e-7
 #define MOST_OF_GRAVITY 2e-4
 #define GRAVITY_ODDS 0.6931471805599453
-#define SPAN_OF_BENDS 100.0 /* s, about as long as features are out of sight: white acceleration of 3/4 a2 T moves a path by as much in T as an acceleration a */
+#define SPAN_OF_BENDS 100.0 /* s, about as long as features are out of sight: white acceleration of 3/4 a2 T moves a path in T as an acceleration a does */
 
 /* White acceleration of L members, of a density each, over T s: of covariances whose rows are `stride` numbers apart. */
 static ALWAYS_INLINE void add_noise(int L, const double *density, double T, double *P, int stride) {
@@ -45,8 +46,8 @@ static ALWAYS_INLINE void add_noise(int L, const double *density, double T, doub
 #define BENDS(deviation, T) {.white = LEAST_DENSITY, .jerk = (deviation) * (deviation) / (T), .bend = (deviation)}
 #define BENDS_OF_ALL_SIZES(T) BENDS(1e-8, T), BENDS(1e-7, T), BENDS(1e-6, T), BENDS(1e-5, T), BENDS(1e-4, T), BENDS(1e-3, T), BENDS(1e-2, T), BENDS(1e-1, T)
 
-/* On an orbit what bends a path is drag, light, J2 or an orbit that is told wrong. In the axes of LVLH that stays nearly as it is: a random walk makes another of it in five low
-   orbits, and changes it by half of its deviation in one, as the air does from day to night. */
+/* On an orbit what bends a path is drag, light, J2 or an orbit that is told wrong. In the axes of LVLH that stays nearly as it is: a random walk makes another
+   of it in five low orbits, and changes it by half of its deviation in one, as the air does from day to night. */
 #define SPAN_OF_FORCES 30000.0 /* s */
 
 /* Thrusters that change by a part of what is told of them in 1000 s. */
@@ -56,9 +57,9 @@ static ALWAYS_INLINE void add_noise(int L, const double *density, double T, doub
 #define IS_WRONG(part) {.white = LEAST_DENSITY, .execution = (part) * (part)}
 
 /* By kind. Densities: the offset's variance goes with the density while noise of the points is small beside it: a claim of three times less is confidently
-   wrong. So large ones are nearer to each other than small ones. Bends of two spans. Thrusters that change from what the pushes of a flight hardly show on: densities
-   of a random walk go by squares, a factor of three here is one of ten there. Errors of each push: over a flight pushes tell theirs to a few percent, so they are nearer
-   to each other than densities. */
+   wrong. So large ones are nearer to each other than small ones. Bends of two spans. Thrusters that change from what the pushes of a flight hardly show on:
+   densities of a random walk go by squares, a factor of three here is one of ten there. Errors of each push: over a flight pushes tell theirs to a few percent,
+   so they are nearer to each other than densities. */
 static const ProcessNoise PROCESS_NOISE[STEADY + WANDERS + EXECUTIONS] = {
     {.white = LEAST_DENSITY}, {.white = 1e-14}, {.white = 1e-12}, {.white = 1e-11}, {.white = 1e-10}, {.white = 1e-9},
     {.white = 1e-8}, {.white = 3.1622776601683794e-8}, {.white = 1e-7}, {.white = 3.1622776601683794e-7}, {.white = 1e-6}, {.white = 3.1622776601683794e-6},

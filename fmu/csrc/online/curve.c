@@ -34,8 +34,8 @@ static void advance_curve(Online *filter, const Transition *transition, const Ma
     }
 }
 
-/* What L members abreast know of the thrusters has changed: they go along the curve. Sums of four are written out and rows are copied to where nothing else is written,
-   else compilers do not take members together. */
+/* What L members abreast know of the thrusters has changed: they go along the curve. Sums of four are written out and rows are copied to where nothing else is
+   written, else compilers do not take members together. */
 static ALWAYS_INLINE void follow_curve(int L, int bent, Curve curve, const double *restrict change, double *restrict x, double *restrict P) {
     double slopes[OF_THRUST][PATH_AND_MAP * ABREAST], before[OF_THRUST][PATH_AND_MAP * ABREAST], after[OF_THRUST][MOTION * ABREAST], among[OF_THRUST * ABREAST];
     const int thrust = bent ? THRUST : UNBENT - OF_THRUST;

@@ -104,7 +104,8 @@ static void propagate_posterior(Posterior *posterior, const Transition *transiti
 }
 
 /* (r, v) and what is known go on by one step of a manoeuvre, whose last one ends with it; the transition is without its step. */
-static void step_on(const Online *filter, OnlineOrbit *orbit, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior, Transition *transition) {
+static void step_on(const Online *filter, OnlineOrbit *orbit, double begin, double end, Manoeuvre *manoeuvre, double x[6], Posterior *posterior,
+                    Transition *transition) {
     *transition = (Transition){.span = end - begin};
     turn_of_lvlh(&filter->options, orbit, begin, end, transition->turn);
     propagate(&filter->options, orbit, begin, end, x, transition->F);
@@ -126,11 +127,12 @@ static void advance(Online *filter, double end, const Manoeuvre *manoeuvre) {
     Manoeuvre now = *manoeuvre;
     now.end = end;
     if (is_manoeuvre(manoeuvre)) heed_thrust(filter);
+    Posterior *posterior = filter->posterior_valid != 0.0 ? &filter->posterior : NULL;
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Transition transition;
-        step_on(filter, &filter->options.orbit, from, last ? end : from + T, &now, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
+        step_on(filter, &filter->options.orbit, from, last ? end : from + T, &now, filter->x, posterior, &transition);
         append_transition(&filter->transition, &transition);
         if (filter->manoeuvred != 0.0) advance_curve(filter, &transition, last ? &now : NULL);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) {
@@ -161,7 +163,8 @@ static void complete_covariance(Online *filter) {
 enum { AT_ONCE = 4 }; /* rows that are updated together, and the number of numbers that loops over them go by */
 
 /* From rows of the covariance, of `count` errors, B' D B of a diagonal D is taken from the column `begin` to `end`; 0 where a variance becomes negative. */
-static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int end, const double D[3], const double B[3][MOST_ERRORS], double (*restrict P)[MOST_ERRORS]) {
+static ALWAYS_INLINE int less_in_rows(int count, int k, int begin, int end, const double D[3], const double B[3][MOST_ERRORS],
+                                      double (*restrict P)[MOST_ERRORS]) {
     double before[AT_ONCE], by[AT_ONCE][3];
     int sound = 1;
     for (int r = 0; r < count; r++) {

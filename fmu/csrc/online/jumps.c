@@ -7,8 +7,8 @@ once, or nodes later, then by what the mixture says. */
 #define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
 #define CLEAR 3.0   /* logarithm by which a jump is more likely than none, or one member than another, where that is clear */
 
-/* The density of white acceleration since the node before that explains where the likeliest member does not expect a node: its innovation, whitened, and the square of
-   that in m2; 0 where it may. */
+/* The density of white acceleration since the node before that explains where the likeliest member does not expect a node: its innovation, whitened, and the
+   square of that in m2; 0 where it may. */
 static double jump_by(const Measurement *measurement, const double off[3], double square) {
     const double span = measurement->span, lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
     return span > 0.0 && dot(off, off) > GATE ? square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag)) : 0.0;
@@ -78,10 +78,10 @@ static void refresh(Online *filter, int begin, int end, double highest) {
     }
 }
 
-/* Weights against the best's. One that has jumped and is far less likely than the best ends. And of the members whose path does not bend the mean density, in the
-   logarithm; and by which density the large filter goes: the mean itself over all members, by which the path is as uncertain as their mixture, where no orbit is told with
-   what gravity's bends amount to. By less, while more is possible, the large filter would learn of a path that it takes for too smooth an offset of the map, and tell all
-   members. What has become so unlikely that it goes on from the best counts for nothing. */
+/* Weights against the best's. One that has jumped and is far less likely than the best ends. And of the members whose path does not bend the mean density, in
+   the logarithm; and by which density the large filter goes: the mean itself over all members, by which the path is as uncertain as their mixture, where no
+   orbit is told with what gravity's bends amount to. By less, while more is possible, the large filter would learn of a path that it takes for too smooth an
+   offset of the map, and tell all members. What has become so unlikely that it goes on from the best counts for nothing. */
 static void weigh_members(Online *filter) {
     const int untold = filter->options.on_orbit == 0.0;
     const double highest = filter->bank[likeliest(filter->bank)].weight, least = exp(UNLIKELY);
@@ -118,8 +118,8 @@ static int take_those(Online *filter, Abreast *members, const Measurement *measu
     return sound;
 }
 
-/* A node updates all members but the shadow. The likeliest comes first, and that of each kind before the others, as what is far less likely than that goes on from the
-   best one anyway, and of such a member only how likely it is counts. 0 where rounding has left a covariance indefinite. */
+/* A node updates all members but the shadow. The likeliest comes first, and that of each kind before the others, as what is far less likely than that goes on
+   from the best one anyway, and of such a member only how likely it is counts. 0 where rounding has left a covariance indefinite. */
 static int take_all(Online *filter, const Measurement *measurement, Curve curve, Shown *shown) {
     double least[MEMBERS];
     Abreast members;
@@ -144,8 +144,8 @@ static int take_all(Online *filter, const Measurement *measurement, Curve curve,
     return take_those(filter, &members, measurement, curve, shown) && sound;
 }
 
-/* The same, and one jumps where the likeliest member does not expect the node. Returns it, or -1; *jump is the density of its acceleration; 0 in *sound where rounding has
-   left a covariance indefinite. */
+/* The same, and one jumps where the likeliest member does not expect the node. Returns it, or -1; *jump is the density of its acceleration; 0 in *sound where
+   rounding has left a covariance indefinite. */
 static int update_members(Online *filter, const Measurement *measurement, Curve curve, Shown *shown, double *jump, int *sound) {
     *shown = (Shown){.best = likeliest(filter->bank)};
     const PackedMember from = filter->bank[shown->best];

@@ -1,7 +1,7 @@
-/* What a member of the bank goes through: a transition, the change that comes with a node, and the node. From its update on only the
-lower triangle of a covariance holds, as that is what is kept of it. Numbers of errors are constants where most of the time is spent:
-so compilers take as many numbers at once as the processor does. What goes on in a member is written once for one member and for some abreast, L: each number of one
-stands beside the same of the others, so that the same is done to all at once (abreast.c). */
+/* What a member of the bank goes through: a transition, the change that comes with a node, and the node. From its update on only the lower triangle of a
+covariance holds, as that is what is kept of it. Numbers of errors are constants where most of the time is spent: so compilers take as many numbers at once as
+the processor does. What goes on in a member is written once for one member and for some abreast, L: each number of one stands beside the same of the others, so
+that the same is done to all at once (abreast.c). */
 
 /* Whether its acceleration counts: one of which nothing is uncertain is zero, and so is all that is known with it; but errors of thrusters come after it. */
 static int bends(const Member *member) { return member->errors > MOTION || member->P[PATH_AND_MAP][PATH_AND_MAP] != 0.0; }
@@ -18,7 +18,8 @@ static double bent_by(int component, double T) { return component < 3 ? 0.5 * T 
 
 /* Of a row of covariances that goes on by a transition the columns from `begin` to `end`: thrusters, if there are errors of them, and an
    acceleration, if a path bends, move it besides. */
-static ALWAYS_INLINE void row_on(int L, int n, int bent, const Transition *transition, int a, int begin, int end, const double *restrict P, double *restrict row) {
+static ALWAYS_INLINE void row_on(int L, int n, int bent, const Transition *transition, int a, int begin, int end, const double *restrict P,
+                                 double *restrict row) {
     const double *F = transition->F[a], *by_thrust = transition->by_thrust[a], by_bend = bent_by(a, transition->span);
     const double *thrust = P + ROW(L, n - OF_THRUST, 0), *bend = P + ROW(L, PATH_AND_MAP + a % 3, 0);
     for (int j = begin * L; j < end * L; j++) {
@@ -239,8 +240,8 @@ static ALWAYS_INLINE void innovate_abreast(int L, int manoeuvred, int bent, cons
     else innovate(L, PATH_AND_MAP, 0, measurement, x, P, e, C, B);
 }
 
-/* Covariances C of L members' innovations, of which the lower triangle is set, become their factors L D L', with D^-1 on the diagonal in place of ones: so there are no
-   roots, which compilers do not take together. 0 where one has none. */
+/* Covariances C of L members' innovations, of which the lower triangle is set, become their factors L D L', with D^-1 on the diagonal in place of ones: so
+   there are no roots, which compilers do not take together. 0 where one has none. */
 static ALWAYS_INLINE int separated(int L, double *restrict C) {
     double unsound = 0.0;
     for (int m = 0; m < L; m++) {
@@ -318,7 +319,8 @@ static ALWAYS_INLINE void learn(int L, int n, int bent, const double *restrict e
         for (int m = 0; m < L; m++) P[ROW(L, a, a) + m] += more[a * L + m];
 }
 
-static ALWAYS_INLINE void update_abreast(int L, int manoeuvred, int bent, const double *e, const double *C, double (*B)[ERRORS * ABREAST], double *x, double *P) {
+static ALWAYS_INLINE void update_abreast(int L, int manoeuvred, int bent, const double *e, const double *C, double (*B)[ERRORS * ABREAST], double *x,
+                                         double *P) {
     if (manoeuvred && bent) learn(L, ERRORS, 1, e, C, B, x, P);
     else if (manoeuvred) learn(L, UNBENT, 0, e, C, B, x, P);
     else if (bent) learn(L, MOTION, 1, e, C, B, x, P);

@@ -154,8 +154,10 @@ static double alone(const PackedMember *shadow, const Member *large, double sum,
    grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
 static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
                       double P[ERRORS][ERRORS], double more[PATH_AND_MAP][PATH_AND_MAP]) {
-    double S[PATH_AND_MAP * PATH_AND_MAP], back[PATH_AND_MAP * PATH_AND_MAP], N[PATH_AND_MAP * PATH_AND_MAP], off[PATH_AND_MAP], lead[PATH_AND_MAP], pull[PATH_AND_MAP], step[PATH_AND_MAP];
-    double D[PATH_AND_MAP][PATH_AND_MAP], U[PATH_AND_MAP][PATH_AND_MAP], V[PATH_AND_MAP][PATH_AND_MAP], W[PATH_AND_MAP][PATH_AND_MAP], G[PATH_AND_MAP][PATH_AND_MAP], T[PATH_AND_MAP][PATH_AND_MAP];
+    double S[PATH_AND_MAP * PATH_AND_MAP], back[PATH_AND_MAP * PATH_AND_MAP], N[PATH_AND_MAP * PATH_AND_MAP];
+    double off[PATH_AND_MAP], lead[PATH_AND_MAP], pull[PATH_AND_MAP], step[PATH_AND_MAP];
+    double D[PATH_AND_MAP][PATH_AND_MAP], U[PATH_AND_MAP][PATH_AND_MAP], V[PATH_AND_MAP][PATH_AND_MAP], W[PATH_AND_MAP][PATH_AND_MAP];
+    double G[PATH_AND_MAP][PATH_AND_MAP], T[PATH_AND_MAP][PATH_AND_MAP];
     double known[PATH_AND_MAP], rest[PATH_AND_MAP], wider[PATH_AND_MAP], growth[PATH_AND_MAP], inverse[PATH_AND_MAP], sum = mixed(bank, shape, 0, x, P);
     double before[PATH_AND_MAP], of_members[PATH_AND_MAP][PATH_AND_MAP];
     const PackedMember *shadow = &bank[SHADOW];

@@ -8,8 +8,9 @@ say where a feature will be.
 Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
 by noise alone would seem to show the offset of the centre of mass.
 r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one in a random walk: a bank
-of small filters weighs what it may be by the likelihood of its innovations, and finds what the chaser's thrusters are wrong by. Everything is in one struct without pointers: copying it saves the
-filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
+of small filters weighs what it may be by the likelihood of its innovations, and finds what the chaser's thrusters are wrong by.
+Everything is in one struct without pointers: copying it saves the filter. Nothing is allocated; the time of a frame is bounded.
+Only <math.h> is needed. */
 #ifndef ONLINE_H
 #define ONLINE_H
 
@@ -169,9 +170,9 @@ typedef struct {
     double pending;        /* 1: the large filter has not jumped */
 } Jump;
 
-/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. turn: by which rotation vector in C the axes turn in which an
-   acceleration stays. pushes: what its pushes, each in a
-   direction of its own, make of (r, v) if they are wrong by their own size: variances of a coordinate of r and v, and what both have in common. */
+/* What moves the path in span s: x is step + F x + by_thrust e, e being what the thrusters are wrong by. turn: by which rotation vector in C the axes turn in
+   which an acceleration stays. pushes: what its pushes, each in a direction of its own, make of (r, v) if they are wrong by their own size: variances of a
+   coordinate of r and v, and what both have in common. */
 typedef struct {
     double span, turn[3], step[6], F[6][6], by_thrust[6][OF_THRUST], pushes[3];
 } Transition;
@@ -255,7 +256,8 @@ typedef struct {
     double frames; /* used */
     double lost;   /* frames in a row that did not fit the map */
     double surprises; /* frames in a row with an attitude far from the predicted one */
-    double P[MOST_ERRORS - 1][MOST_ERRORS]; /* but for the one that is none; after 18 doubles: what malloc gives for so much begins 16 bytes after where four doubles are aligned */
+    /* But for the one that is none. After 18 doubles: what malloc gives for so much begins 16 bytes after where four doubles are aligned. */
+    double P[MOST_ERRORS - 1][MOST_ERRORS];
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
     double of_rate, of_attitude;       /* variances of rate and R, over all axes */

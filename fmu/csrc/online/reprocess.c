@@ -71,9 +71,9 @@ static double part_of(const PackedMember *member, double seems[3][3]) {
     return trace;
 }
 
-/* Whether the noise of the attitudes may seem to show little where the first nodes are taken again; `seems` is what it does in all of them. No member of the bank then
-   knows more of the offset than one of the least process noise of which nothing is taken back, as each has more noise, or more that it does not know: if what even that
-   leaves open is too much, there is no need to take all members again. */
+/* Whether the noise of the attitudes may seem to show little where the first nodes are taken again; `seems` is what it does in all of them. No member of the
+   bank then knows more of the offset than one of the least process noise of which nothing is taken back, as each has more noise, or more that it does not know:
+   if what even that leaves open is too much, there is no need to take all members again. */
 static int may_seem_little(const Online *filter, int count, const double wrong[STORED_NODES][3], double of_offset[3][3], double seems[3][3]) {
     PackedMember least = filter->first;
     Member member;

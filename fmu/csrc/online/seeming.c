@@ -14,8 +14,8 @@ static void find_seeming(const double R[3][3], Measurement *measurement) {
 }
 
 /* By how much less of that a member can see whose path has white noise of a density: of nodes T apart and of the variance N, what a path takes for its own
-   tells nothing of the offset. The path's second differences have the spectrum q T3 (2 + cos u) / 3, so the part that is seen is the mean over u from 0 to pi of
-   1 / (1 + s (2 + cos u) / (12 (1 - cos u)^2)), s = q T3 / N. The inverse of this has the limits of that for small and large s, and is within 6 % of it. */
+   tells nothing of the offset. The path's second differences have the spectrum q T3 (2 + cos u) / 3, so the part that is seen is the mean over u from 0 to pi
+   of 1 / (1 + s (2 + cos u) / (12 (1 - cos u)^2)), s = q T3 / N. The inverse of this has the limits of that for small and large s, and is within 6 % of it. */
 static double unseen_factor(const Measurement *measurement, double density) {
     const double T = measurement->span, s = density * T * T * T * measurement->sharpness, root = sqrt(s);
     return 1.0 + 0.354 * sqrt(root) + 0.11 * root + s / 14.35;

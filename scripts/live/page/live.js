@@ -77,7 +77,12 @@ async function live() {
 
   function refresh() {
     const { kept, now } = run;
-    Object.assign(error, { x: kept.map((one) => one.time), y: kept.map((one) => one.error), low: kept.map((one) => one.band[0]), high: kept.map((one) => one.band[1]) });
+    Object.assign(error, {
+      x: kept.map((one) => one.time),
+      y: kept.map((one) => one.error),
+      low: kept.map((one) => one.band[0]),
+      high: kept.map((one) => one.band[1]),
+    });
     chart.marks = run.marks;
     drawn.update();
     reading.textContent = [`t = ${timeText(now.time)} s`, ...wordsOf(now, seen.labels, ghosts)].join(" · ");
@@ -134,16 +139,23 @@ async function live() {
   const scene = part("Scene",
     el("div", { class: "controls", role: "group", "aria-label": "View" }, ...stage.controls, ...stage.legend),
     el("div", { class: "stages" }, stage.canvas, errors.canvas), reading,
-    el("p", { class: "about", text: "The cross is the true centre of mass, the point with its 3σ ellipsoid the estimate, enlarged in a picture of its own. Filled features are seen, hollow ones are not." }), timing);
-  const curves = part("Error of the centre of mass", el("p", { class: "about", text: "95 % of errors are in the band, by the estimator's covariance." }), ...drawn.nodes);
+    el("p", { class: "about", text: "The cross is the true centre of mass, the point with its 3σ ellipsoid the estimate, enlarged in a picture of its own. "
+      + "Filled features are seen, hollow ones are not." }), timing);
+  const curves = part("Error of the centre of mass",
+    el("p", { class: "about", text: "95 % of errors are in the band, by the estimator's covariance." }), ...drawn.nodes);
   const found = part("The estimator", status, numbers);
-  const chosen = part("Settings", el("p", { class: "about", text: "A change of the body or the orbit starts the run again." }), settings.node, el("div", { class: "controls" }, ...settings.buttons));
+  const chosen = part("Settings",
+    el("p", { class: "about", text: "A change of the body or the orbit starts the run again." }),
+    settings.node, el("div", { class: "controls" }, ...settings.buttons));
   document.getElementById("page").append(
-    ...top("baryscope, live", "A tumbling target, a stereo rig, the online estimator and a controller: the C code of the FMUs in WebAssembly, stepped in this page.", "Skip to the scene"),
+    ...top("baryscope, live",
+      "A tumbling target, a stereo rig, the online estimator and a controller: the C code of the FMUs in WebAssembly, stepped in this page.",
+      "Skip to the scene"),
     el("main", { id: "main", class: "live" },
       el("div", { class: "bar" }, el("div", { class: "controls", role: "group", "aria-label": "Run" }, ...settings.choices, play, again, speed), about),
       el("div", {}, scene, curves), el("div", {}, found, chosen)),
-    el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${data.version}. In the console, baryscope.units has the units by the names of their variables: baryscope.units.plant.get("target.attitude").` })),
+    el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${data.version}. `
+      + 'In the console, baryscope.units has the units by the names of their variables: baryscope.units.plant.get("target.attitude").' })),
   );
   settings.choose(data.first);
   // For the console: units by element, and some steps without waiting.

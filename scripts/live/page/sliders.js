@@ -89,7 +89,8 @@ function slidersOf(preset, chosen, ground) {
     share("blunders", "Share of blunders", "outliers.share", 0.3),
     share("missed", "Share of missed observations", "dropout", 0.9),
     {
-      name: "seen to", spoken: "Largest angle between a feature's normal and the line of sight", unit: "°", low: 60 * DEGREE, high: Math.PI, scale: DEGREE, step: 1,
+      name: "seen to", spoken: "Largest angle between a feature's normal and the line of sight", unit: "°",
+      low: 60 * DEGREE, high: Math.PI, scale: DEGREE, step: 1,
       get: () => chosen.rig["visibility.maxIncidence"][0], set: (value) => { chosen.rig["visibility.maxIncidence"] = [value]; },
     },
   ];

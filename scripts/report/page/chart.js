@@ -27,7 +27,10 @@ function chartOf(part) {
     size.left = 30 + Math.max(5, ...ticks.map(({ text }) => text.length)) * LETTER;
     axes.x = axisOf(from, to, size.left, size.width - size.right, part.log_x);
     const frame = { x: size.left, y: size.top, width: size.width - size.left - size.right, height: size.height - size.top - size.bottom };
-    const within = (box, ...nodes) => { const clip = newId("clip"); return [draw("clipPath", { id: clip }, draw("rect", box)), draw("g", { "clip-path": `url(#${clip})` }, ...nodes)]; };
+    const within = (box, ...nodes) => {
+      const clip = newId("clip");
+      return [draw("clipPath", { id: clip }, draw("rect", box)), draw("g", { "clip-path": `url(#${clip})` }, ...nodes)];
+    };
     const curves = part.series.map(curve), pointed = (node, index) => ["points", "cross"].includes(part.series[index].style);
     picture.replaceChildren(
       ...grid(ticks),
@@ -102,9 +105,12 @@ function chartOf(part) {
   const shades = () => part.shades.map(([begin, end]) => draw("rect", {
     class: "shade", x: axes.x.at(begin), width: Math.max(0, axes.x.at(end) - axes.x.at(begin)), y: size.top, height: size.height - size.top - size.bottom,
   }));
-  const levels = () => part.levels.map(([value]) => draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }));
+  const levels = () => part.levels.map(([value]) =>
+    draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }));
   // Those that are within the range, each with the row of its words: above the frame, where its line goes.
-  const marked = () => part.marks.map(([value, text], k) => ({ x: axes.x.at(value), text, foot: 12 + LINE * k, value })).filter(({ value }) => value >= axes.x.low && value <= axes.x.high);
+  const marked = () => part.marks
+    .map(([value, text], k) => ({ x: axes.x.at(value), text, foot: 12 + LINE * k, value }))
+    .filter(({ value }) => value >= axes.x.low && value <= axes.x.high);
   const marks = () => marked().map(({ x, foot }) => draw("line", { class: "mark", x1: x, x2: x, y1: foot - 9, y2: size.height - size.bottom }));
   // From a level to the foot of its words: above it, but below the lowest, and where the next one leaves them no room.
   function besideLevel(value) {
@@ -223,7 +229,8 @@ function chartOf(part) {
   }));
   const controls = el("div", { class: "controls", role: "group", "aria-label": `Curves of ${part.title}` }, ...legend);
   const [earliest, latest] = extent(part.series.flatMap((one) => limits(one.x)), false);
-  if (part.shade && part.shades.some(([begin, end]) => end > earliest && begin < latest)) controls.append(el("span", { class: "soft", text: `shaded: ${part.shade}` }));
+  const shaded = part.shade && part.shades.some(([begin, end]) => end > earliest && begin < latest);
+  if (shaded) controls.append(el("span", { class: "soft", text: `shaded: ${part.shade}` }));
   if (part.filter.length > 1) controls.append(choice("feature", ["all", ...part.filter], (index) => { state.only = index - 1; render(); }));
   controls.append(reset);
   render();

@@ -90,7 +90,8 @@ function axisOf(low, high, from, to, log) {
 // The ticks of a horizontal axis, at most `most` or so, whose words do not touch, and where each word has its middle.
 function ticksBelow(axis, most, width) {
   const half = (text) => (text.length * LETTER) / 2;
-  const placed = (count) => axis.ticks(count).map(({ value, text }) => ({ value, text, x: axis.at(value), middle: Math.min(axis.at(value), width - half(text)) }));
+  const placed = (count) => axis.ticks(count).map(({ value, text }) =>
+    ({ value, text, x: axis.at(value), middle: Math.min(axis.at(value), width - half(text)) }));
   const fits = (one, next) => next.middle - half(next.text) >= one.middle + half(one.text) + 6;
   for (let count = most; count > 1; count -= 1) {
     const ticks = placed(count);

@@ -2,7 +2,10 @@
 
 const PLACES = [4, -8, 16, -20, 28, -32, 40].flatMap((down) => [[1, down], [-1, down]]); // right or left of its point, px
 
-const overlap = (one, other) => Math.max(0, Math.min(one[2], other[2]) - Math.max(one[0], other[0])) * Math.max(0, Math.min(one[3], other[3]) - Math.max(one[1], other[1]));
+const overlap = (one, other) => {
+  const common = (begin, end) => Math.max(0, Math.min(one[end], other[end]) - Math.max(one[begin], other[begin]));
+  return common(0, 2) * common(1, 3);
+};
 
 // The words and what they shall not hide: boxes, [left, top, right, bottom].
 function Lettering(pen, width, height) {

@@ -69,14 +69,20 @@ const anyScene = (parts) => parts.some((part) => part.kind === "scene" || (part.
 const report = JSON.parse(document.getElementById("data").textContent);
 const sections = report.parts.map((part) => section(part, 2));
 const verdicts = { good: "Good", warn: "With limits", bad: "Do not trust" };
-const contents = el("nav", { "aria-label": "Contents" }, el("ul", {}, ...report.parts.map((part, k) => el("li", {}, el("a", { href: `#${sections[k].id}`, text: part.title })))));
+const links = report.parts.map((part, k) => el("li", {}, el("a", { href: `#${sections[k].id}`, text: part.title })));
+const contents = el("nav", { "aria-label": "Contents" }, el("ul", {}, ...links));
+const verdict = report.verdict
+  ? [el("div", { class: `verdict ${report.verdict[0]}`, role: "note" }, el("b", { text: `${verdicts[report.verdict[0]]}. ` }), report.verdict[1])]
+  : [];
+const frame = anyScene(report.parts) ? "Frame C: origin at the chaser, axes that do not turn. " : "";
+const foot = `Made by baryscope ${report.version}. ${frame}All in this file; nothing is loaded from elsewhere.`;
 document.getElementById("page").append(
   ...top(report.title, report.subtitle, "Skip to the report"),
-  ...(report.verdict ? [el("div", { class: `verdict ${report.verdict[0]}`, role: "note" }, el("b", { text: `${verdicts[report.verdict[0]]}. ` }), report.verdict[1])] : []),
+  ...verdict,
   ...report.notes.map((text) => el("p", { text })),
   contents,
   el("main", { id: "main" }, ...sections),
-  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. ${anyScene(report.parts) ? "Frame C: origin at the chaser, axes that do not turn. " : ""}All in this file; nothing is loaded from elsewhere.` })),
+  el("footer", {}, el("p", { class: "soft", text: foot })),
 );
 document.documentElement.dataset.ready = "true";
 window.dispatchEvent(new Event("theme"));

@@ -42,7 +42,8 @@ function Scene(part) {
     past: { count: () => count, at: outlineOf, recent: () => 0 }, toggle, changed: () => show(state.k),
   });
   const reading = el("output", { class: "reading scene-reading", "aria-live": "off" });
-  const slider = el("input", { type: "range", min: 0, max: count - 1, step: 1, value: 0, "aria-label": "Time", oninput: () => { stop(); show(Number(slider.value)); clock.set(part.time[state.k]); } });
+  const slid = () => { stop(); show(Number(slider.value)); clock.set(part.time[state.k]); };
+  const slider = el("input", { type: "range", min: 0, max: count - 1, step: 1, value: 0, "aria-label": "Time", oninput: slid });
   const play = el("button", { type: "button", class: "play", text: "▶ play", "aria-pressed": "false", onclick: toggle });
   const pace = choice("all in", lengths_of_play.map((one) => `${one} s`), (index) => { state.seconds = lengths_of_play[index]; }, 1);
 

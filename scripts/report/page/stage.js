@@ -209,7 +209,11 @@ function Stage(what, view = 0) {
     grip = [event.clientX, event.clientY];
   });
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { grip = null; });
-  canvas.addEventListener("wheel", (event) => { if (document.activeElement !== canvas && !event.ctrlKey) return; event.preventDefault(); enlarge(1.0015 ** -event.deltaY); }, { passive: false });
+  canvas.addEventListener("wheel", (event) => {
+    if (document.activeElement !== canvas && !event.ctrlKey) return;
+    event.preventDefault();
+    enlarge(1.0015 ** -event.deltaY);
+  }, { passive: false });
   canvas.addEventListener("keydown", (event) => {
     const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
     if (turns) rotate(...turns);
@@ -222,8 +226,12 @@ function Stage(what, view = 0) {
   new ResizeObserver(render).observe(canvas);
   for (const name of ["theme", "beforeprint", "afterprint"]) window.addEventListener(name, () => { colour = null; render(); });
 
-  const tick = (text, name) => el("label", {}, el("input", { type: "checkbox", checked: camera[name], onchange: (event) => { camera[name] = event.currentTarget.checked; redraw(); } }), text);
-  const bigger = [["+", "enlarge", 1.25], ["−", "make smaller", 0.8]].map(([text, name, factor]) => el("button", { type: "button", text, "aria-label": name, class: "only-screen", onclick: () => enlarge(factor) }));
+  const tick = (text, name) => {
+    const onchange = (event) => { camera[name] = event.currentTarget.checked; redraw(); };
+    return el("label", {}, el("input", { type: "checkbox", checked: camera[name], onchange }), text);
+  };
+  const bigger = [["+", "enlarge", 1.25], ["−", "make smaller", 0.8]].map(([text, name, factor]) =>
+    el("button", { type: "button", text, "aria-label": name, class: "only-screen", onclick: () => enlarge(factor) }));
   const legend = what.ghosts.map((ghost) => el("button", {
     type: "button", class: "key points", style: key(ghost.colour), text: ghost.label, "aria-pressed": String(ghost.shown),
     onclick: (event) => { ghost.shown = !ghost.shown; event.currentTarget.setAttribute("aria-pressed", String(ghost.shown)); what.changed(); },

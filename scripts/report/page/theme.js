@@ -14,11 +14,12 @@ window.addEventListener("afterprint", () => { if (beforePrint) theme(beforePrint
 
 // The title of a page, the button for light and dark, and a sentence; skip: what the link for keyboards leads over to #main.
 function top(title, subtitle, skip) {
+  const other = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
   return [
     el("a", { class: "skip", href: "#main", text: skip }),
     el("header", { class: "top" },
       el("h1", { text: title }),
-      el("button", { type: "button", class: "theme", text: "light / dark", onclick: () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark") }),
+      el("button", { type: "button", class: "theme", text: "light / dark", onclick: other }),
       el("p", { class: "soft", text: subtitle })),
   ];
 }
