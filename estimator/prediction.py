@@ -25,6 +25,7 @@ from baryscope.estimator.limits import LATEST
 from baryscope.estimator.paths.doubtful_path import left_out
 from baryscope.estimator.paths.extrapolated_path import extrapolated, untold_of
 from baryscope.estimator.paths.forces import lasting, untold_firings
+from baryscope.estimator.paths.nonlinear_path import End, nonlinear_in
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.turning import TurningPoint, carried, curved
@@ -105,11 +106,28 @@ class PredictedPath:
 
     def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6), and their covariance (n, 6, 6) by that of x."""
-        state, by_x = self.sampled(time)
-        return state, by_x @ self.covariance @ np.swapaxes(by_x, 1, 2)
+        state, by_x, rest = self.sampled(time)
+        return state, by_x @ self.covariance @ np.swapaxes(by_x, 1, 2) + rest
 
-    def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity (n, 6) in C, and their Jacobian (n, 6, p) by x."""
+    def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position and velocity (n, 6) in C, their Jacobian (n, 6, p) by x, and what they vary by beside it, (n, 6, 6),
+        where a path is not linear in x.
+        """
+        state, by_x = self._linear(time)
+        rest, part = np.zeros((len(time), 6, 6)), nonlinear_in(self.path)
+        if part is None:
+            return state, by_x, rest
+        for origin, away in ((self.begin, time < self.begin), (self.end, time > self.end)):
+            if away.any():
+                there, by_there = self._linear(np.array([origin]))
+                bent = End(origin, there[0], by_there[0], self.x, self.covariance).curvature(part, time[away])
+                state[away] += bent.mean
+                by_x[away] += bent.slope
+                rest[away] = bent.covariance
+        return state, by_x, rest
+
+    def _linear(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) and their Jacobian (n, 6, p) by x, of the path as if it were linear in x."""
         place, rate = self._onward.at(time), self._onward.rate_at(time)
         state = np.concatenate([place.position(self.x), rate.position(self.x)], axis=1)
         return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
@@ -241,13 +259,15 @@ class PredictedBody:
 
     def _away(self, there: TurningPoint, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6), and their covariance (n, 6, 6), on one side of the tracks."""
-        return there.away(time, *self.path.sampled(time))
+        state, by_x, rest = self.path.sampled(time)
+        mean, covariance = there.away(time, state, by_x)
+        return mean, covariance + rest
 
     def _chunk(
         self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) and covariance (n, 6, 6) of a point b (3,) that changes by −by_unknowns δu."""
-        state, by_x = self.path.sampled(motion.time)
+        state, by_x, _ = self.path.sampled(motion.time)
         size = self.rotation.size
         arm, by_motion, by_b = carried(motion.attitude, motion.rate, b)
         total = -by_b @ by_unknowns

@@ -10,7 +10,6 @@ seen until then: what errors of b and of the attitude or the axis displace toget
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from baryscope.estimator.dynamics.growth import rotation_growth
 from baryscope.estimator.dynamics.many_bodies import motions
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, SHORT_NODE_ANGLE, Attitudes, Rotation, diverged
 from baryscope.estimator.dynamics.torque import LastingTorque, Torque
+from baryscope.estimator.geometry.members import opposite_pairs, root_of
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.models.errors import ComputationError, Reason
 
@@ -27,8 +27,6 @@ FloatArray = NDArray[np.float64]
 Changed = Callable[[FloatArray, FloatArray, FloatArray], Rotation]
 
 OF_MOTION = 11  # unknowns: attitude, rate and inertia
-PAIRS = 64  # of members, opposite to each other
-UNTOLD = 1e-12  # least eigenvalue of a correlation matrix that counts
 MOST_NODES = 20_000  # of a member in the mean, half a radian each: a quarter of a minute for all members
 SHORTER = (1.0, 0.5, 0.25, 0.0)  # of a member's way, until its motion can be followed
 
@@ -139,14 +137,9 @@ class TurningPoint:
 
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A root (11, k) of the motion's covariance, what the others (v - 11, k) do with it, and their rest."""
-        own, others = self.covariance[:OF_MOTION, :OF_MOTION], self.covariance[OF_MOTION:, OF_MOTION:]
-        size = np.sqrt(np.diag(own))
-        size = np.where(size > 0, size, 1.0)
-        values, axes = np.linalg.eigh(own / np.outer(size, size))
-        kept = values > UNTOLD * values[-1]
-        axes, values = axes[:, kept], np.sqrt(values[kept])
-        along = (self.covariance[OF_MOTION:, :OF_MOTION] / size) @ axes / values
-        return size[:, None] * axes * values, along, others - along @ along.T
+        root, inverse = root_of(self.covariance[:OF_MOTION, :OF_MOTION])
+        along = self.covariance[OF_MOTION:, :OF_MOTION] @ inverse
+        return root, along, self.covariance[OF_MOTION:, OF_MOTION:] - along @ along.T
 
     def _with_axis(self, changes: FloatArray, of_b: FloatArray) -> FloatArray:
         """The changes of b (m, 3) of members, turned as changes (m, 11) turn their axes of rotation.
@@ -198,11 +191,3 @@ class TurningPoint:
 def _turned(turn: FloatArray, vectors: FloatArray) -> FloatArray:
     """Vectors (m, 3) turned by rotation vectors (m, 3), rad."""
     return np.asarray((exp_rotation(turn) @ vectors[:, :, None])[:, :, 0])
-
-
-@cache
-def opposite_pairs(k: int) -> FloatArray:
-    """Standard normal vectors (2 PAIRS, k) in opposite pairs, whose mean is exactly 0 and covariance exactly 1."""
-    drawn = np.random.default_rng(k).standard_normal((PAIRS, k))
-    drawn = np.linalg.solve(np.linalg.cholesky(drawn.T @ drawn / PAIRS), drawn.T).T
-    return np.concatenate([drawn, -drawn])

@@ -75,18 +75,48 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
     return path
 
 
+def paths_from_chaser(elements: ArrayLike, begin: float, states: ArrayLike, end: ArrayLike) -> FloatArray:
+    """The target's CoM seen from the chaser, in C, of m pairs on orbits of their own: exact, as in `relative_path`.
+
+    Args:
+        elements: (m, 7), of the target of each pair at time 0, as of `Orbit.elements`.
+        begin: time of the states, s.
+        states: (m, 6), position and velocity in C, m and m/s.
+        end: (n,), times in s.
+
+    Returns:
+        Position and velocity, (m, n, 6); NaN where the chaser's orbit is not an ellipse.
+    """
+    time, many = np.asarray(end, dtype=np.float64), np.asarray(states, dtype=np.float64)
+    pairs = (np.repeat(np.asarray(each, dtype=np.float64).T, len(time), axis=1) for each in (elements, many))
+    with np.errstate(all="ignore"):
+        found = _chaser_path_function()([begin], np.tile(time, len(many))[None], *pairs)
+    return found.reshape(len(many), len(time), 6)
+
+
 def step_in_chaser_axes() -> ca.Function:
     """The function (begin, end, elements, state) → (state, Φ) of the target's CoM seen from the chaser, in C.
 
     The state is position and velocity (6,) in m and m/s, exact as in `relative_path` and NaN on an open orbit; Φ (6, 6)
     is that of `relative_transition` in these axes.
     """
+    symbols, moved, transition = _in_chaser_axes()
+    return ca.Function("relative", symbols, [moved, ca.densify(transition)], {"cse": True})
+
+
+@cache
+def _chaser_path_function() -> ColumnFunction:
+    """(begin, end, elements, state) → state then, in C."""
+    symbols, moved, _ = _in_chaser_axes()
+    return ColumnFunction("paths_from_chaser", symbols, moved)
+
+
+def _in_chaser_axes() -> tuple[list[Symbol], Symbol, Symbol]:
+    """Symbols of begin, end, elements and the state at the beginning, and of these the state then and Φ, in C."""
     begin, end, (column, elements) = ca.SX.sym("begin"), ca.SX.sym("end"), Elements.symbols()
-    state = ca.SX.sym("state", 6)
-    to_C, to_L = _chaser_axes(end, elements)[0], _chaser_axes(begin, elements)[1]
+    state, to_C, to_L = ca.SX.sym("state", 6), _chaser_axes(end, elements)[0], _chaser_axes(begin, elements)[1]
     moved = to_C @ _path(end, begin, elements, to_L @ state)
-    transition = to_C @ _transition(end, begin, elements) @ to_L
-    return ca.Function("relative", [begin, end, column, state], [moved, ca.densify(transition)], {"cse": True})
+    return [begin, end, column, state], moved, to_C @ _transition(end, begin, elements) @ to_L
 
 
 def _chaser_axes(time: Symbol, elements: Elements) -> tuple[Symbol, Symbol]:

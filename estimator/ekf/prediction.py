@@ -13,6 +13,7 @@ from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import growth
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.estimator.paths.extrapolated_path import extrapolated
+from baryscope.estimator.paths.nonlinear_path import End, nonlinear_in
 from baryscope.estimator.paths.process_noise import MIDDLE, lasting_variance
 from baryscope.estimator.prediction import Point, Prediction, grown_outside, point_in_body
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
@@ -101,8 +102,8 @@ class PredictedTumble:
         by_path, to_si = _by_state(path, int(np.searchsorted(nodes, origin))), np.repeat([1.0, 1 / path.span], 3)
         u = by_path @ np.concatenate([at.deviation[node], at.x])
         rows = np.searchsorted(nodes, time)
-        state = np.concatenate([path.position(u), path.velocity(u)], axis=1)[rows]
-        by_path = to_si[:, None] * by_path[rows]
+        every = np.concatenate([path.position(u), path.velocity(u)], axis=1)
+        state, by_path = every[rows], to_si[:, None] * by_path[rows]
         density = 0.0 if problem.slips else found.mean_density.path
         lasts = self._lasting_variance(density)
         added = grown_outside(problem.path, (density, lasts), *self._ends, time)
@@ -110,8 +111,13 @@ class PredictedTumble:
         if point is not None:
             b, by_points = point_in_body(point, self.labels, at.points, self._seen(len(at.points)), self.features)
         joint = self._joint(node, by_points)
+        own, part = joint[OF_MOTION:-3, OF_MOTION:-3], nonlinear_in(problem.path)
+        if part is not None:
+            by_own = np.eye(6, len(own)) * to_si[:, None]
+            end = End(origin, every[np.searchsorted(nodes, origin)], by_own, found.shift + at.x, own)
+            bent = end.curvature(part, time)
+            state, by_path, added = state + bent.mean, by_path + bent.slope, added + bent.covariance
         if point is None:
-            own = joint[OF_MOTION:-3, OF_MOTION:-3]
             return state, by_path @ own @ np.swapaxes(by_path, 1, 2) + added
         start = Rotation(origin, at.attitude[node], at.rate[node], at.inertia, problem.start.rotation.orbit)
         about, theta = found.about.inertia, found.solution.theta[:INERTIA]

@@ -9,11 +9,15 @@ from baryscope.estimator.findings import EstimatedOrbit
 from baryscope.estimator.orbits.elements import NAMES, LocalElements
 from baryscope.estimator.orbits.error import perturbing_accelerations
 from baryscope.estimator.paths.extended_path import parts_of
-from baryscope.estimator.paths.forces import Force, ForcedPath, longest_on
+from baryscope.estimator.paths.forces import Force, longest_on
+from baryscope.estimator.paths.nonlinear_path import Beside, NonlinearPath
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.relative_motion import RelativeOrbit
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
+from baryscope.models.errors import InputError
+from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import EARTH_MU, Orbit
+from baryscope.models.relative_orbit import paths_from_chaser
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +26,7 @@ SHAPE = slice(3, 6)  # among the elements
 
 
 @dataclass(frozen=True, eq=False)
-class EstimatedOrbitPath(ForcedPath):
+class EstimatedOrbitPath(NonlinearPath):
     """Relative motion on an orbit near one of given elements: how it departs from these are unknowns, the force's.
 
     elements: at the middle of begin … end, about which the path is linear in the departure. A change of the gravity
@@ -47,6 +51,23 @@ class EstimatedOrbitPath(ForcedPath):
             InputError: it is none.
         """
         return self.moved(x).orbit((self.begin + self.end) / 2, EARTH_MU)
+
+    def beside_linear(self, origin: float, state: FloatArray, time: FloatArray) -> Beside:
+        """See `NonlinearPath`."""
+        middle, whole = (self.begin + self.end) / 2, _states(self, np.concatenate([[origin], time]))
+        of_motion, of_orbit = whole[:, :, : self.base.size], whole[:, :, self.own]
+        transition = of_motion[1:] @ np.linalg.inv(of_motion[0])
+        response = of_orbit[1:] - transition @ of_orbit[0]
+        there = paths_from_chaser([self.orbit.elements], origin, state[None], time)
+
+        def beside(states: FloatArray, unknowns: FloatArray) -> FloatArray:
+            moved = (self.elements.moved(one / self._displacement) for one in unknowns)
+            elements = np.array([_elements_of(one, middle) for one in moved])
+            by_state = np.einsum("nij,mj->mni", transition, states - state)
+            by_orbit = np.einsum("nij,mj->mni", response, unknowns)
+            return np.asarray(paths_from_chaser(elements, origin, states, time) - there - by_state - by_orbit)
+
+        return beside
 
     def finding(self, x: FloatArray, of_x: FloatArray) -> EstimatedOrbit:
         """The orbit, for unknowns x (p,) with their covariance (p, p)."""
@@ -92,6 +113,19 @@ def on_estimated_orbit(elements: LocalElements, x: FloatArray, begin: float, end
     deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
     force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))
     return EstimatedOrbitPath(motion, force, begin, end, elements)
+
+
+def _elements_of(local: LocalElements, time: float) -> tuple[float, ...]:
+    """The seven elements of `Orbit` from those at a time in s; NaN of an open orbit."""
+    try:
+        return local.orbit(time, EARTH_MU).elements
+    except InputError:
+        return (np.nan,) * ELEMENT_COUNT
+
+
+def _states(path: Path, time: FloatArray) -> FloatArray:
+    """The Jacobian (n, 6, p) of position and velocity at times (n,) in s by a path's unknowns."""
+    return np.concatenate([path.at(time).jacobian, path.rate_at(time).jacobian], axis=1)
 
 
 def estimated_orbit_in(path: Path) -> EstimatedOrbitPath | None:

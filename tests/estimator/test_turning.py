@@ -10,7 +10,7 @@ from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.dynamics.torque import LastingTorque
-from baryscope.estimator.turning import TurningPoint, carried, curved, opposite_pairs
+from baryscope.estimator.turning import TurningPoint, carried, curved
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError
 from synthetic import attitude, box_features, make_case
@@ -158,12 +158,6 @@ def test_a_point_moves_on_an_arc():
     told, linear, true = (along @ C[:3, :3] @ along for C in (first + arc[0], first, sampled))
     assert linear < 0.1 * true
     assert told == pytest.approx(true, rel=0.25)
-
-
-def test_pairs_have_no_mean_and_a_covariance_of_one():
-    ways = opposite_pairs(11)
-    np.testing.assert_allclose(ways.mean(axis=0), 0.0, atol=1e-15)
-    np.testing.assert_allclose(ways.T @ ways / len(ways), np.eye(11), atol=1e-12)
 
 
 @pytest.mark.parametrize("method", ["ml", "ekf"])

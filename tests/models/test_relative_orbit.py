@@ -12,7 +12,12 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.keplerian import Ellipse, conic
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_motion import relative_acceleration
-from baryscope.models.relative_orbit import relative_path, relative_transition, step_in_chaser_axes
+from baryscope.models.relative_orbit import (
+    paths_from_chaser,
+    relative_path,
+    relative_transition,
+    step_in_chaser_axes,
+)
 
 MU = 3.986004418e14
 PERIGEE = 7.0e6
@@ -247,3 +252,22 @@ def test_the_step_in_the_chasers_axes_is_the_difference_of_two_kepler_orbits(ecc
         change = np.eye(6)[k] * size
         before, after = (path(change[:3], change[3:], time) for time in (begin, end))
         assert np.asarray(transition) @ before == pytest.approx(after, abs=1e-6 * np.abs(after).max())
+
+
+def test_paths_of_pairs_are_differences_of_two_kepler_orbits_each():
+    """Of three pairs on orbits of their own; of a fourth the chaser leaves on a hyperbola."""
+    targets, begin, end = [orbit(e) for e in (0.0, 0.1, 0.7, 0.1)], 300.0, np.array([-200.0, 900.0])
+    starts, expected = [], []
+    for k, target in enumerate(targets):
+        rho, rate = np.array(STATE[:3]) + k, np.array(STATE[3:])
+        both = oracles.inertial_states(target, rho, rate)
+        mu, every = target.gravitational_parameter, (begin, *end)
+        at = [[oracles.propagate_kepler(*one, mu, time) for one in both] for time in every]
+        apart = [np.concatenate([a[0] - b[0], a[1] - b[1]]).astype(float) for a, b in at]
+        starts.append(apart[0])
+        expected.append(apart[1:])
+    starts[3][3:] += 8e3
+    found = paths_from_chaser([one.elements for one in targets], begin, starts, end)
+    np.testing.assert_allclose(found[:3, :, :3], np.array(expected)[:3, :, :3], atol=PATH_TOLERANCE)
+    np.testing.assert_allclose(found[:3, :, 3:], np.array(expected)[:3, :, 3:], atol=PATH_TOLERANCE * 1e-2)
+    assert np.isnan(found[3]).all()
