@@ -34,7 +34,8 @@ from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.prior import Prior
 from baryscope.estimator.paths.process_noise import ProcessNoisePath, with_noise_of, without_noise
 from baryscope.estimator.pivot.initial_solution import InitialSolution
-from baryscope.estimator.pivot.orbits.corrected import refined_on
+from baryscope.estimator.pivot.orbits.corrected import refined_on, start_on
+from baryscope.estimator.pivot.orbits.estimated import linearised_anew
 from baryscope.estimator.pivot.orbits.further_unknowns import FurtherUnknowns
 from baryscope.estimator.pivot.pivot_solution import DECISIVE, PivotSolution
 from baryscope.models.orbit import Orbit
@@ -75,6 +76,8 @@ def with_errors_of_orbit(
     other = None if base is acting else refined_on(base, path, found, start, options)
     left = [doubt.beside for doubt in doubts if not doubt.rests]
     if other is not None:
+        anew = linearised_anew(other, start_on(base, path, found, start), options)
+        other = other if anew is None else anew[0]
         found, left = other, [_Beside.of(other, beside.force) for beside in left]
     return _with_left_out(found, left)
 

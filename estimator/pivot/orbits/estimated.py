@@ -155,11 +155,13 @@ def _with_oblateness(
 def linearised_anew(
     found: PivotSolution, start: InitialSolution, options: PathOptions
 ) -> tuple[PivotSolution, InitialSolution] | None:
-    """The solution on an estimated orbit, linearised about its own elements, and its start; None where there is no
-    such orbit, or it leads to none.
+    """The solution on an estimated orbit, linearised about its own elements, and its start, which are those given where
+    these are near; None where there is no such orbit, or it leads to none.
     """
     if estimated_orbit_in(start.path) is None:
         return None
+    if _is_near(start.path, found):
+        return found, start
     try:
         again = _until_near(start.path, found.solution.x[: start.path.size], found, start, options)
     except (ComputationError, InputError):
@@ -184,12 +186,17 @@ def _until_near(
         fresh = replace(start.on(path, interpolated(path.at, path.frequency, start.time), x), slips=False)
         near = refined(fresh.near(near), options)
         x = near.solution.x[: path.size]  # it may have more modes of noise
-        orbital = estimated_orbit_in(path)
-        assert orbital is not None  # noqa: S101  as it was put there
-        departures = orbital.factors(x, near.variance * near.solution.covariance)
-        if all(abs(one.value) <= NEAR * one.deviation for one in departures):
+        if _is_near(path, near):
             break
     return near, fresh
+
+
+def _is_near(path: Path, found: PivotSolution) -> bool:
+    """Whether a solution's elements are near those about which a path on an estimated orbit is linear."""
+    orbital = estimated_orbit_in(path)
+    assert orbital is not None  # noqa: S101  as it is on one
+    departures = orbital.factors(found.solution.x, found.variance * found.solution.covariance)
+    return all(abs(one.value) <= NEAR * one.deviation for one in departures)
 
 
 def _about_elements_of(path: Path, x: FloatArray, near: PivotSolution) -> tuple[Path, FloatArray]:

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from baryscope.estimator.findings import EstimatedOrbit, UntoldOblateness
 from baryscope.estimator.methods import estimate
@@ -14,6 +15,8 @@ from baryscope.estimator.paths.trajectory import smooth_in
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
 from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.orbit import EARTH_J2
+from baryscope.study.population.judging import prepared
 from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, turning
 from oracles import fallen, inertial_states, propagate_kepler
 from synthetic import MU, Orbit, box_features, make_case
@@ -162,3 +165,36 @@ def test_an_orbit_under_j2_is_found_and_goes_on():
     squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(prediction.covariance[:, :3, :3]), error)
     assert squares.max() < 4.5**2
     assert np.sqrt(np.trace(prediction.covariance[-1, :3, :3])) < 0.2
+
+
+@cache
+def of_the_population(index):
+    """A case without its orbit, and the estimate by `pivot`."""
+    case, sample, _ = prepared(182, index, "first")
+    return case, sample, estimate(sample.tracks)
+
+
+def test_under_j2_that_is_added_last_the_path_is_linear_about_the_orbit_that_is_found():
+    """A spin of nine turns: with J2, of which nothing tells whether it acts, the orbit is another by 36 deviations of
+    its elements, and the path was still linear about that without: the place was 0.17 m off with a claim of 0.07 m.
+    """
+    _, _, found = of_the_population(33)
+    path = found.predictor.path
+    part = estimated_orbit_in(path)
+    assert UntoldOblateness(EARTH_J2, certain=False) in found.findings
+    for one in part.factors(found.predictor.x, found.predictor.covariance):
+        assert abs(one.value) < one.deviation
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_ahead_on_an_orbit_that_is_hardly_told_claims_are_true(method):
+    """Fifteen turns in a sixth of a revolution, which tell the orbit to 7°: what is linear in the elements put every
+    place one span ahead on a line, where they are on an arc. NEES of position and velocity were 103, 135 and 244.
+    """
+    case, sample, found = of_the_population(7)
+    found = found if method == "pivot" else estimate(sample.tracks, method=method)
+    time = case.time[-1] + (case.time[-1] - case.time[0]) * np.array([0.25, 1.0])
+    there, truth = found.predict(time), case.at(time).state(np.zeros(3))
+    error = np.concatenate([there.position, there.velocity], axis=1) - truth
+    squares = (error[:, None] @ np.linalg.solve(there.covariance, error[:, :, None]))[:, 0, 0]
+    assert squares.max() < chi2.isf(1e-3, 6)
