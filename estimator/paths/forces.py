@@ -16,10 +16,10 @@ from baryscope.estimator.paths.extended_path import ExtendedPath, Factor, named_
 from baryscope.estimator.paths.linear_motion import (
     ARC,
     Acceleration,
+    Integrations,
     LinearMotion,
     Motion,
     Panels,
-    are_within,
     forced,
 )
 from baryscope.estimator.paths.path import Path
@@ -137,11 +137,11 @@ class ForcedPath(ExtendedPath):
 
     def _over(self, time: FloatArray) -> tuple[LinearMotion, Motion]:
         """The equation of motion over the times (n,), and the response."""
-        return self._within if are_within(time, self.begin, self.end) else self._integrated(time)
+        return self._integrations.over(time)
 
     @cached_property
-    def _within(self) -> tuple[LinearMotion, Motion]:
-        return self._integrated(np.array([self.begin, self.end]))
+    def _integrations(self) -> Integrations[tuple[LinearMotion, Motion]]:
+        return Integrations(self._integrated, self.begin, self.end)
 
     def _integrated(self, time: FloatArray) -> tuple[LinearMotion, Motion]:
         force, epoch = self.force, (self.begin + self.end) / 2

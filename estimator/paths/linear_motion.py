@@ -6,9 +6,10 @@ then chained. Between the ends of a panel the motion is the polynomial of the co
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 Gradient = Callable[[FloatArray], FloatArray | None]  # times (k,) in s → G (k, 3, 3) in C, 1/s²; None: free flight
 Acceleration = Callable[[FloatArray], FloatArray]  # times (k,) in s → c accelerations (k, 3, c) in C, m/s²
+Integrated = TypeVar("Integrated")
 
 POINTS = 6  # of Gauss in a panel
 GRADIENT_TIMES = 513  # at which the greatest gravity gradient is looked for
+BEYOND = 2  # reaches beyond begin … end, of which what was integrated is kept
 ARC = 0.15  # rad that an orbit turns at most in a panel: errors of 1e-11 of the motion
 
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(POINTS)
@@ -49,9 +52,27 @@ def highest_frequency(gradient: Gradient, begin: float, end: float) -> float:
     return 0.0 if found is None else float(np.sqrt(np.linalg.norm(found, axis=(1, 2)).max()))
 
 
-def are_within(time: FloatArray, begin: float, end: float) -> bool:
-    """Whether all times (n,) lie within begin … end."""
-    return bool(begin <= time.min(initial=np.inf) and time.max(initial=-np.inf) <= end)
+@dataclass(eq=False)
+class Integrations(Generic[Integrated]):
+    """What is integrated once for all times within begin … end in s, and for those that lead beyond, once for as far.
+
+    A path's position and velocity are asked for at the same times, and a force that acts on it asks for the path at
+    the panels' points again.
+    """
+
+    integrate: Callable[[FloatArray], Integrated]
+    begin: float
+    end: float
+    _kept: dict[tuple[float, float], Integrated] = field(default_factory=dict, init=False, repr=False)
+
+    def over(self, time: FloatArray) -> Integrated:
+        """That over the times (n,)."""
+        reach = float(time.min(initial=self.begin)), float(time.max(initial=self.end))
+        if reach not in self._kept:
+            for other in [one for one in self._kept if one != (self.begin, self.end)][: 1 - BEYOND]:
+                del self._kept[other]
+            self._kept[reach] = self.integrate(np.array(reach))
+        return self._kept[reach]
 
 
 @dataclass(frozen=True, eq=False)

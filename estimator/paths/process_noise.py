@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.options import Density
 from baryscope.estimator.paths.extended_path import ExtendedPath, parts_of
-from baryscope.estimator.paths.linear_motion import ARC, Motion, are_within, forced, highest_frequency
+from baryscope.estimator.paths.linear_motion import ARC, Integrations, Motion, forced, highest_frequency
 from baryscope.estimator.paths.path import FIXED, Path
 from baryscope.estimator.paths.prior import Hyperparameter, Prior
 from baryscope.estimator.paths.sampled_path import SampledPath, of_three_axes
@@ -115,11 +115,11 @@ class ProcessNoisePath(ExtendedPath):
 
         None in free flight. Computed once for all times within begin … end.
         """
-        return self._within if are_within(time, self.begin, self.end) else self._integrated(time)
+        return self._integrations.over(time)
 
     @cached_property
-    def _within(self) -> Motion | None:
-        return self._integrated(np.zeros(0))
+    def _integrations(self) -> Integrations[Motion | None]:
+        return Integrations(self._integrated, self.begin, self.end)
 
     def _integrated(self, time: FloatArray) -> Motion | None:
         """The integrated motion of the modes at times (n,) in s besides begin and end, which may lie beyond."""

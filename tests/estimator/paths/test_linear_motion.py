@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.paths.linear_motion import ARC, LinearMotion, Panels, forced
+from baryscope.estimator.paths.linear_motion import ARC, Integrations, LinearMotion, Panels, forced
 from baryscope.models.ephemeris.trajectory import gravity_gradient, lvlh_axes, target_states
 from baryscope.models.relative_orbit import relative_transition
 from synthetic import Orbit
@@ -103,3 +103,19 @@ def test_times_in_any_order_and_at_the_epoch():
     np.testing.assert_allclose(motion.position(np.array([9.0, 5.0, 2.0]))[:, 0, 0], [8, 0, 4.5], rtol=1e-12)
     alone = Panels.over(np.array([5.0]), 5.0, 10.0)
     np.testing.assert_allclose(LinearMotion.over(alone, no_gradient).transition(np.array([5.0])), [np.eye(6)])
+
+
+def test_what_reaches_as_far_is_integrated_once():
+    """Of times beyond begin … end the last reaches are kept, and of those within always one."""
+    asked = []
+
+    def integrate(reach):
+        asked.append(tuple(reach))
+        return reach
+
+    integrations = Integrations(integrate, 0.0, 10.0)
+    for time in ([1.0, 9.0], [12.0, 5.0], [4.0], [12.0], [-3.0], [12.0, 3.0], [], [14.0], [15.0], [-3.0], [2.0]):
+        reach = integrations.over(np.array(time))
+        assert reach[0] <= min(time, default=0.0)
+        assert max(time, default=10.0) <= reach[1]
+    assert asked == [(0.0, 10.0), (0.0, 12.0), (-3.0, 10.0), (0.0, 14.0), (0.0, 15.0), (-3.0, 10.0)]
