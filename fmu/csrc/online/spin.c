@@ -3,8 +3,7 @@
 #define FINE 0.15             /* rad, a step of the integration */
 #define ERROR_OF_MOMENTS 0.03 /* of an estimate, for a trace of 1 */
 #define LEAST_MOMENT 0.003
-#define NEARER 0.95
-enum { MOST_STEPS = 500, MOST_NEARER = 100 };
+enum { MOST_STEPS = 500, HALVINGS = 20 };
 
 /* Densities of white torque, of the angular acceleration, rad2/s3. */
 static const double TORQUE[TORQUES] = {1e-15,       1e-15 * 1e1, 1e-15 * 1e2, 1e-15 * 1e3, 1e-15 * 1e4,
@@ -33,14 +32,20 @@ static int moments_from(double least, double J[3][3]) {
 /* Whether an estimate of the inertia may be that of a body. */
 static int possible(double J[3][3]) { return moments_from(-ERROR_OF_MOMENTS, J); }
 
-/* The inertia, held where Euler's equation can go on with it, nearer to that of a sphere; taken: from its coefficients. */
+/* The inertia, held where Euler's equation can go on with it, no nearer to that of a sphere than has to be; taken: from its coefficients. */
 static void hold_inertia(double j[5], double taken[5]) {
-    double J[3][3];
+    double J[3][3], held = 0.0, over = 1.0; /* parts of the way from a sphere's: where it can, and where it cannot */
     for (int k = 0; k < 5; k++) taken[k] = j[k];
-    for (int n = 0; n < MOST_NEARER; n++) {
-        inertia_of(j, J);
-        if (moments_from(LEAST_MOMENT, J)) break;
-        scale_block(j, 5, NEARER);
+    inertia_of(j, J);
+    if (!moments_from(LEAST_MOMENT, J)) {
+        for (int n = 0; n < HALVINGS; n++) {
+            const double part = 0.5 * (held + over);
+            for (int k = 0; k < 5; k++) j[k] = part * taken[k];
+            inertia_of(j, J);
+            if (moments_from(LEAST_MOMENT, J)) held = part;
+            else over = part;
+        }
+        for (int k = 0; k < 5; k++) j[k] = held * taken[k];
     }
     for (int k = 0; k < 5; k++) taken[k] -= j[k];
 }
