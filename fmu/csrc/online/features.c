@@ -2,6 +2,7 @@
 
 #define PLACED 16.3 /* chi-square of 3 degrees of freedom with p = 1e-3: within it a point is where a feature is */
 #define CLEARLY_ELSEWHERE 4.0 /* times that is where no other one is */
+#define SURE_ODDS 300.0 /* of a place that tells a name: a frame is one of many trials */
 enum { PATIENT = 3, STUBBORN = 5, HOPELESS = 10 };
 
 static int slot_of(const Online *filter, long long name) {
@@ -170,12 +171,32 @@ static void add_sums(FeatureSums *sum, const FeatureSums *more) {
     sum->count = count, sum->times += more->times, sum->squares += more->squares, sum->cubes += more->cubes;
 }
 
+/* The mean square of the features' distances from their centroid, m2. */
+static double squared_radius(const Online *filter) {
+    double mean[3] = {0}, squares = 0.0;
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) mean[k] += filter->b[f][k] / filter->used;
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) squares += (filter->b[f][k] - mean[k]) * (filter->b[f][k] - mean[k]) / filter->used;
+    return squares;
+}
+
+/* How much likelier a point is that near to a feature, where that is, than in a ball with the features' mean square: the density of an error with the inverse
+   covariance W and the chi-square `square`, sqrt(|W| / (2 pi)^3) exp(-square / 2), times 4/3 pi (5/3 squared_radius)^(3/2). */
+static double odds_of_place(const Online *filter, const double W[3][3], double square) {
+    const double radius = sqrt(squared_radius(filter));
+    double last[3];
+    cross(W[0], W[1], last);
+    return 0.57226 * radius * radius * radius * sqrt(dot(last, W[2])) * exp(-0.5 * square);
+}
+
 /* Whether a point under an unknown name is where one that is out of sight was: a feature of the map, or another point of the open node that is in no
-   map, with its name. Not if a second one is not clearly elsewhere. */
+   map, with its name. Not if a second one is not clearly elsewhere, nor if its place is known so badly, as from an attitude about a line of features,
+   that a new feature, which may be anywhere on the body, is likelier to be there than that one of those that are out of sight. */
 static int has_returned(const Online *filter, const Frame *frame, int i, const Pose *pose, const FeatureSums *sum, long long *name) {
     const Node *node = &filter->node;
     const int used = (int)filter->used;
-    double arm[3], own[3][3], nearest = INFINITY, second = INFINITY;
+    double arm[3], own[3][3], nearest = INFINITY, second = INFINITY, odds = 0.0, away = 0.0;
     times(pose->R, sum->place, arm);
     of_sighting(frame, i, arm, pose->covariance, own);
     for (int c = 0; c < used + (int)node->used; c++) {
@@ -196,10 +217,11 @@ static int has_returned(const Online *filter, const Frame *frame, int i, const P
         times(pose->R, off, e);
         times(W, e, We);
         const double square = dot(e, We);
-        if (square < nearest) second = nearest, nearest = square, *name = one;
+        away += 1.0;
+        if (square < nearest) second = nearest, nearest = square, odds = odds_of_place(filter, W, square), *name = one;
         else if (square < second) second = square;
     }
-    return nearest < PLACED && second > CLEARLY_ELSEWHERE * PLACED;
+    return nearest < PLACED && second > CLEARLY_ELSEWHERE * PLACED && odds > SURE_ODDS * away;
 }
 
 /* Where the open node has a name, or the number of its names. */
