@@ -233,8 +233,18 @@ def unknown_log_category(root):
     ET.SubElement(root.find("LogCategories"), "Category", name="logDynamicStateSelection")
 
 
+def end_before_the_start(root):
+    root.find("DefaultExperiment").set("stopTime", "-5.0")
+
+
+def too_many_event_indicators(root):
+    root.set("numberOfEventIndicators", "2")
+
+
 # Mutation, what an error of ours must say, whether fmpy's validation alone has something to say.
 MUTATIONS_2 = [
+    (end_before_the_start, "DefaultExperiment/stopTime: found -5, expected a time after that of the start, 0", False),
+    (too_many_event_indicators, "numberOfEventIndicators: found 2, but .* expected 0", False),
     (wrong_token, "the token is not this library's", False),
     (missing_start, "target.inertia.xx.*has no start value", True),
     (start_with_another_last_digit, "orbit.semiMajorAxis: found start 7", False),

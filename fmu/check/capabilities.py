@@ -1,5 +1,6 @@
 """Checks of declarations in modelDescription.xml against the binary: token, start values, capabilities."""
 
+import ctypes
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -199,6 +200,24 @@ def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Findi
                 )
 
 
+def indicator_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """There are as many event indicators as declared, and they are finite; of FMI 2, which tells their number alone."""
+    if name != "ModelExchange" or description.fmiVersion != "2.0":
+        return
+    declared = int(description.numberOfEventIndicators or 0)
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        values = (ctypes.c_double * declared)()
+        try:
+            instance.call("getEventIndicators", values, declared)
+        except RefusedError as refusal:
+            yield error("numberOfEventIndicators", f"found {declared}, but {refusal}")
+            return
+    if not np.isfinite(values).all():
+        yield error("numberOfEventIndicators", f"found indicators {list(values)}, expected finite values")
+
+
 def state_rate_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
     """State derivatives in Co-Simulation: the mean of both ends of a short step against the change of the states."""
     if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
@@ -259,6 +278,7 @@ PROBES: dict[str, Probe] = {
     "saved states": state_findings,
     "steps": step_findings,
     "vectors of states": vector_findings,
+    "event indicators": indicator_findings,
     "change of states": state_rate_findings,
     "instances": instance_findings,
 }

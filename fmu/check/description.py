@@ -41,6 +41,7 @@ def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     yield from _derivative_findings(description)
     yield from _dependency_findings(description)
     yield from _flag_findings(description)
+    yield from _experiment_findings(description)
     yield from _binary_findings(folder, description)
 
 
@@ -215,6 +216,16 @@ def _flag_findings(description: Any) -> Iterator[Finding]:
         for flag in UNCHECKED:
             if getattr(interface, flag, False):
                 yield warning(f"{name}/{flag}", "is declared, and cannot be checked here")
+
+
+def _experiment_findings(description: Any) -> Iterator[Finding]:
+    """The default experiment ends after it begins."""
+    experiment = description.defaultExperiment
+    if experiment is None or experiment.stopTime is None:
+        return
+    begin, end = float(experiment.startTime or 0.0), float(experiment.stopTime)
+    if not end > begin:
+        yield error("DefaultExperiment/stopTime", f"found {end:g}, expected a time after that of the start, {begin:g}")
 
 
 def _binary_findings(folder: Path, description: Any) -> Iterator[Finding]:
