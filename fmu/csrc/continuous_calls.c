@@ -69,6 +69,7 @@ static bool of_first_order(const Instance *instance, const char *function, const
     return !count || orders;
 }
 
+#if FMI_VERSION == 2
 /* The inputs go on at these rates until they or their rates are set again. */
 static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                              const double *values)
@@ -90,6 +91,7 @@ static Status instance_set_input_derivatives(void *component, const char *functi
         unit_set_rate(&instance->core.unit, VARIABLES[selection.references[i]].offset - AT_INPUTS, values[i]);
     return OK;
 }
+#endif
 
 /* Outputs change as the states do, with the inputs held: y' = (dy/dx) x'. */
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,

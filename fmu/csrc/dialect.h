@@ -13,6 +13,11 @@
 #define SELDOM __attribute__((noinline, cold)) /* takes no registers from the loop that it is called in */
 #define EXPORTED __attribute__((visibility("default")))
 #define UNROLL _Pragma("GCC unroll 16")
+#define PERHAPS_UNUSED __attribute__((unused))
+/* CasADi writes for programs that ask for more of a function than units do. */
+#define OTHERS_CODE \
+    _Pragma("GCC diagnostic push") _Pragma("GCC diagnostic ignored \"-Wunused-function\"") _Pragma("GCC diagnostic ignored \"-Wunused-parameter\"")
+#define OWN_CODE _Pragma("GCC diagnostic pop")
 #define ALIGNED __attribute__((aligned(32))) /* as many numbers as are taken at once do not lie across two lines of a cache */
 
 /* A function that spends its time in long rows is compiled twice, the second time for processors that take four numbers at once and write results
@@ -38,6 +43,9 @@ typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
 #define SELDOM
 #define EXPORTED
 #define UNROLL
+#define PERHAPS_UNUSED
+#define OTHERS_CODE
+#define OWN_CODE
 #define ALIGNED
 #define WIDE
 

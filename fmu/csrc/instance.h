@@ -113,8 +113,10 @@ typedef struct {
 } Image;
 static Status instance_derivative(void *component, const char *function, bool reverse, Selection unknowns, Selection knowns,
                                   Seed seed, Image image);
+#if FMI_VERSION == 2 /* in FMI 3 there are none */
 static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                              const double *values);
+#endif
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values);
 static Status instance_set_time(void *component, const char *function, double time);

@@ -3,7 +3,9 @@
 #ifndef BARYSCOPE_NAVIGATION_H
 #define BARYSCOPE_NAVIGATION_H
 
-#define ONLINE_EXPORT static
+#include "dialect.h"
+
+#define ONLINE_EXPORT static PERHAPS_UNUSED
 #include "online.h"
 
 enum { MOST_PAST = 64 }; /* communication points that are remembered */

@@ -16,12 +16,14 @@ static Status instance_derivative(void *component, const char *function, bool re
     return no_states(component, GET_DERIVATIVES, function);
 }
 
+#if FMI_VERSION == 2
 static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                              const double *values)
 {
     (void)selection, (void)orders, (void)values;
     return no_states(component, SET_INPUT_DERIVATIVES, function);
 }
+#endif
 
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values)

@@ -29,12 +29,14 @@ static void unit_set(Unit *unit, int index, double value)
     }
 }
 
+#if FMI_VERSION == 2
 static void unit_set_rate(Unit *unit, int index, double rate)
 {
     if (unit->input_rates[index] == rate) return;
     unit->input_rates[index] = rate;
     unit->integrators_stale = true;
 }
+#endif
 
 /* ---- the equations ---- */
 

@@ -85,20 +85,4 @@ static void unit_tune(Unit *unit);
    holds the reason; else it may hold what was left out. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
-/* ---- of units with continuous states ---- */
-
-/* Set all N_STATES states, or none if the equations have no value there: `message` holds the reason. */
-static bool unit_set_states(Unit *unit, const double *states, char message[MESSAGE_SIZE]);
-
-/* Set the time derivative of an input. */
-static void unit_set_rate(Unit *unit, int index, double rate);
-
-/* Nominal sizes of the states. */
-static const double *unit_nominals(const Unit *unit);
-
-/* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start, or of
-   (outputs, derivatives) by (inputs, tunable parameters, states) in a run; `reverse` takes its transpose. Both vectors are laid
-   out as the unit's values; what is not a known or an unknown is left alone. */
-static void unit_derivative(Unit *unit, bool at_start, bool reverse, const double seed[N_VALUES], double image[N_VALUES]);
-
 #endif

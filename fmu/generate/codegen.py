@@ -65,12 +65,16 @@ def _model_source(functions: tuple[ca.Function, ...]) -> str:
 
 
 def c_source(functions: Iterable[ca.Function]) -> str:
-    """C code of functions, by CasADi. They are static where CASADI_SYMBOL_EXPORT is defined so."""
+    """C code of functions, by CasADi. They are static where CASADI_SYMBOL_EXPORT is defined so.
+
+    Compilers are not to warn of what CasADi writes for programs that ask for more of a function.
+    """
     generator = ca.CodeGenerator("model.c", {"casadi_int": "int", "with_header": False})
     for function in functions:
         generator.add(function)
     # Its helpers would have external linkage, and two units in one program would define them twice.
-    return re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
+    code = re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
+    return f'#include "dialect.h"\nOTHERS_CODE\n{code}\nOWN_CODE\n'
 
 
 def c_text(text: str) -> str:

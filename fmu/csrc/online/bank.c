@@ -72,7 +72,7 @@ static int kind_of(const Online *filter, int m) {
     return filter->options.on_orbit != 0.0 && m >= ON_ORBIT ? m - ON_ORBIT + STEADY : m;
 }
 
-static int member_of(const Online *filter, int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
+static int member_of(int kind) { return kind >= STEADY ? kind - STEADY + ON_ORBIT : kind; }
 
 /* How many errors members abreast have that have those of thrusters but whose paths do not bend: no acceleration is before these, which are the last ones. */
 enum { UNBENT = ERRORS - (MOTION - PATH_AND_MAP) };

@@ -46,7 +46,7 @@ static void adopt(Online *filter) {
     const PackedMember from = filter->bank[best];
     if (best < STEADY || filter->jump[best - STEADY].pending != 0.0) return;
     const double *before = filter->jump[best - STEADY].before;
-    const int steady = member_of(filter, (int)from.steady);
+    const int steady = member_of((int)from.steady);
     for (int m = 0; m < count_of(filter); m++) {
         if (filter->bank[m].weight > from.weight + JUMP) continue;
         go_on(&from, kind_of(filter, m), &filter->bank[m]);

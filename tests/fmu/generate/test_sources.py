@@ -17,6 +17,7 @@ from fmpy.util import create_cmake_project
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.codegen import c_text
+from baryscope.fmu.generate.compiler import find_compiler
 from baryscope.fmu.units import UNITS, blueprint_of
 from compiling import compiled
 
@@ -166,6 +167,17 @@ def test_gnu_extensions_are_in_one_file(unit):
     generated = rb"#elif defined\(__GNUC__\).*\n.*__attribute__"  # CasADi's, guarded
     found |= {Path(name).name for name, text in sources.items() if b"__attribute__" in re.sub(generated, b"", text)}
     assert found == {"dialect.h"}
+
+
+@pytest.mark.parametrize(("unit_name", "fmi"), [*((name, 2) for name in UNITS), ("target", 3), ("rig", 3)])
+def test_compilers_warn_of_nothing(small, tmp_path, unit_name, fmi):
+    """They did of functions that CasADi writes for other programs, and of those that another unit or version has."""
+    _, sources = describe_unit(blueprint_of(unit_name, small), fmi)
+    for name, content in sources.items():
+        (tmp_path / name).write_bytes(content)
+    told = ["-std=c11", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADERS}", "-c", "all.c", "-o", "all.o"]
+    done = subprocess.run([*find_compiler(), *told], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("unit_name", UNITS)
