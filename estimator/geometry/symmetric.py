@@ -84,6 +84,26 @@ def _scale(matrix: FloatArray, sizes: FloatArray | None) -> FloatArray:
     return np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
 
 
+def inverse_of_definite(matrix: FloatArray) -> FloatArray:
+    """The inverse (p, p) of a symmetric matrix that is positive definite but for rounding, without scaling: by Cholesky
+    where that succeeds, which takes a third of the time of elimination.
+
+    Raises:
+        LinAlgError: it is singular.
+    """
+    factor, indefinite = dpotrf(matrix, lower=True)
+    if indefinite:
+        return np.asarray(np.linalg.inv(matrix))
+    return _mirrored(dpotri(factor, lower=True)[0])
+
+
+def _mirrored(lower: FloatArray) -> FloatArray:
+    """The symmetric matrix of a lower triangle beside zeros."""
+    found = lower + lower.T
+    found.flat[:: len(lower) + 1] = lower.diagonal()
+    return np.asarray(found)
+
+
 def _inverse_of_regular(matrix: FloatArray, sizes: FloatArray | None) -> FloatArray | None:
     """The inverse of a matrix whose null space is certainly empty, by what costs less than eigenvalues; else None.
 
@@ -99,9 +119,7 @@ def _inverse_of_regular(matrix: FloatArray, sizes: FloatArray | None) -> FloatAr
     lower, _ = dpotri(factor, lower=True)
     if not lower.trace() < 1 / REGULAR:
         return None
-    inverse = lower + lower.T  # of which one is zero but for the diagonal
-    inverse.flat[:: len(matrix) + 1] = lower.diagonal()
-    return np.asarray(inverse * both)
+    return np.asarray(_mirrored(lower) * both)
 
 
 def elements_of(matrix: FloatArray) -> FloatArray:

@@ -31,12 +31,12 @@ def hinge_axis(pair: Pair) -> HingeAxis:
     both = np.linalg.eigh(np.block([[np.eye(3), -mean], [-mean.T, np.eye(3)]]))[1][:, 0]
     in_parent, in_child = both[:3] / np.linalg.norm(both[:3]), both[3:] / np.linalg.norm(both[3:])
     kept = clear_coefficients(pair, CLEAR)
+    functions = motion_functions(pair, [np.broadcast_to(np.eye(2), (len(R), 2, 2))])
     for _ in range(STEPS):
         P, C = _across(in_parent), _across(in_child)
         # a_P + P x = R (a_C + C y), across the axis
         design = np.concatenate([np.broadcast_to(np.eye(2), (len(R), 2, 2)), -P.T @ R @ C], axis=2)
         wanted = (R @ in_child - in_parent) @ P
-        functions = motion_functions(R, [np.broadcast_to(np.eye(2), (len(R), 2, 2))])
         fit = restricted_likelihood(design, wanted, functions, kept)
         in_parent, in_child = in_parent + P @ fit.found[:2], in_child + C @ fit.found[2:]
         in_parent, in_child = in_parent / np.linalg.norm(in_parent), in_child / np.linalg.norm(in_child)

@@ -1,6 +1,7 @@
 """Two bodies as rigid ones: their poses in the frames that show both, and what noise of the poses seems to tell."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -147,7 +148,7 @@ class Pair:
             return np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
         return self.parent.rotation, self.parent.place
 
-    @property
+    @cached_property
     def relative(self) -> FloatArray:
         """R_P_C (k, 3, 3)."""
         return np.asarray(np.swapaxes(self.parent_pose[0], 1, 2) @ self.child.rotation)

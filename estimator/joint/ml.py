@@ -13,6 +13,7 @@ but look as if they did, as noise of the attitudes is correlated with that of th
 """
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -70,7 +71,7 @@ def likeliest_slide(
     for axes in (pair.parent_pose[0], pair.child.rotation):
         back = np.swapaxes(axes, 1, 2)
         bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
-        functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
+        functions = motion_functions(pair, bodies, of_one_size=pair.parent is not None)
         sure = [body @ one for one, body in zip(known, bodies, strict=False)]
         moved = np.einsum("kij,kj->ki", back, wanted)
         fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, sure))
@@ -80,9 +81,7 @@ def likeliest_slide(
     return fits[in_child].over_variances(LARGEST_SLIDE * pair.child.radius), in_child, found
 
 
-def motion_functions(
-    R_P_C: FloatArray, coordinates: Sequence[FloatArray], of_one_size: bool = False
-) -> list[FloatArray]:
+def motion_functions(pair: Pair, coordinates: Sequence[FloatArray], of_one_size: bool = False) -> list[FloatArray]:
     """Groups of what skin may do with the motion, (n, c, q): functions of time along the axes of some coordinates.
 
     Along the axes of each of the coordinates (n, c, k): the joint's angles; along those of the first: combinations of
@@ -92,7 +91,7 @@ def motion_functions(
     other does. Else what both together show is taken for that of one, as of a hinge along its axis, and the other's,
     which shifts the centre as much across it, for none.
     """
-    angle, linear, squares = _of_motion(R_P_C)
+    angle, linear, squares = _of_motion(pair)
     of_bodies = [np.concatenate(coordinates, axis=2)] if of_one_size else list(coordinates)
     groups = [(angle, axes) for axes in of_bodies] + [(linear, coordinates[0]), (squares, coordinates[0])]
     return [_along(one, axes) for one, axes in groups if one.size]
@@ -104,17 +103,21 @@ def _along(functions: FloatArray, axes: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("ni,nck->ncki", functions, axes).reshape(n, c, -1))
 
 
-def _of_motion(R_P_C: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+@lru_cache(maxsize=1)
+def _of_motion(pair: Pair) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Functions of time of the mean 0: the angles (n, 3), rad; and orthonormal ones, combinations of angles and rates
     (n, q), and of their products (n, r) across these.
     """
-    angle = angles(R_P_C)
+    angle = angles(pair.relative)
     rate = np.gradient(angle, axis=0)
     angle, rate = angle - angle.mean(axis=0), rate - rate.mean(axis=0)
     rate = rate * np.sqrt(np.sum(angle**2) / max(float(np.sum(rate**2)), 1e-300))
     linear = _orthogonal(np.concatenate([angle, rate], axis=1))
     products = _products(linear)
-    return angle, linear, _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
+    found = angle, linear, _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
+    for one in found:
+        one.setflags(write=False)  # they are the next caller's, too
+    return found
 
 
 def _products(values: FloatArray) -> FloatArray:
@@ -151,6 +154,7 @@ def clear_coefficients(pair: Pair, clear: float = CLEAR) -> IntArray:
     return np.nonzero(shown)[0]
 
 
+@lru_cache(maxsize=2)  # of both bodies
 def own_power(pair: Pair, body: Body) -> FloatArray:
     """The variance of the markers' own noise in each coefficient along time (k,), m² per coordinate: without what is a
     function of the motion.
@@ -159,7 +163,7 @@ def own_power(pair: Pair, body: Body) -> FloatArray:
     motion turns the body as the motion does, and is in the slide that does: it feigns no information beside that.
     Of second order in wrong attitudes that is all products of the angles.
     """
-    angle, linear, _ = _of_motion(pair.relative)
+    angle, linear, _ = _of_motion(pair)
     functions = np.concatenate([linear, _orthogonal(_products(angle))], axis=1)
     functions = functions[:, : len(linear) // COEFFICIENTS_PER_FUNCTION]
     basis = np.linalg.qr(transformed(functions))[0]
@@ -167,7 +171,9 @@ def own_power(pair: Pair, body: Body) -> FloatArray:
     own = own.reshape(len(own), -1)
     left = np.sum((own - basis @ (basis.T @ own)) ** 2, axis=1)
     of_bands = band_variances(left[:, None], (1 - np.sum(basis**2, axis=1))[:, None], bands(len(own)))
-    return body.own_variance * of_bands / max(float(np.mean(np.sum(own**2, axis=1))), 1e-300)
+    power = np.asarray(body.own_variance * of_bands / max(float(np.mean(np.sum(own**2, axis=1))), 1e-300))
+    power.setflags(write=False)  # it is the next caller's, too
+    return power
 
 
 def _turns(pair: Pair) -> list[tuple[FloatArray, FloatArray]]:

@@ -12,10 +12,12 @@ group as well: the covariance may be taken over all that the groups' variances m
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.fft import dct
 
+from baryscope.estimator.geometry.symmetric import inverse_of_definite
 from baryscope.estimator.joint.variances import KNOWN, UNKNOWN, possible_variances
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -70,12 +72,15 @@ def transformed(values: FloatArray) -> FloatArray:
     return np.asarray(dct(window * values, axis=0, norm="ortho"))
 
 
+@lru_cache(maxsize=1)
 def _window(count: int) -> FloatArray:
     """Tukey's window, of the mean square 1."""
     from scipy.signal.windows import tukey  # slow to load, and other methods do without
 
     window = tukey(count + 2, TAPER)[1:-1]
-    return np.asarray(window / np.sqrt(np.mean(window**2)))
+    window = np.asarray(window / np.sqrt(np.mean(window**2)))
+    window.setflags(write=False)
+    return window
 
 
 def bands(count: int) -> IntArray:
@@ -236,8 +241,8 @@ class _Reduced:
         known[self.group >= 0] = 1 / variances[self.group[self.group >= 0]]
         matrix = self.matrix.copy()
         matrix.flat[:: len(matrix) + 1] += known
-        covariance = np.linalg.inv(matrix)
-        return covariance @ self.rhs, np.asarray(covariance)
+        covariance = inverse_of_definite(matrix)
+        return covariance @ self.rhs, covariance
 
     def likelihood(self, variances: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
         """The logarithm of their restricted likelihood, up to a constant of the spectrum, for the posterior."""
