@@ -39,10 +39,13 @@ def both_bodies(seed, hinge=False):
 
 
 def restricted(design, covariance, wanted):
-    """The unknowns by generalised least squares, their covariance, and the logarithm of the restricted likelihood."""
-    information = design.T @ np.linalg.solve(covariance, design)
-    found = np.linalg.solve(information, design.T @ np.linalg.solve(covariance, wanted))
-    left = wanted - design @ found
-    square = left @ np.linalg.solve(covariance, left)
+    """The unknowns (..., p) by generalised least squares, their covariance, and the logarithm of the restricted
+    likelihood, for covariances (..., n, n) of what is wanted, (n,).
+    """
+    solved = np.linalg.solve(covariance, np.column_stack([design, wanted]))
+    information = design.T @ solved[..., :-1]
+    found = np.linalg.solve(information, (design.T @ solved[..., -1:]))[..., 0]
+    left = wanted - found @ design.T
+    square = np.sum(left * np.linalg.solve(covariance, left[..., None])[..., 0], axis=-1)
     logarithm = -0.5 * (np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1] + square)
     return found, np.linalg.inv(information), logarithm

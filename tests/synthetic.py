@@ -1,6 +1,7 @@
 """Tracks of a tumbling body, made without any of baryscope.models: Euler's equations by DOP853 at 1e-12."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,16 @@ MU = 3.986004418e14
 def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray, braking: float = 0.0) -> FloatArray:
     """R_I_B (n, 3, 3) of a body that starts with R_I_B = 1 and angular rate rate0 (rad/s, body axes).
 
-    It is torque-free but for −braking ω, N·m s/rad. Of so few numbers Python's are faster than arrays.
+    It is torque-free but for −braking ω, N·m s/rad. Many tests have the same: it is integrated once.
     """
+    return _attitude(*(np.asarray(one, dtype=np.float64).tobytes() for one in (inertia, rate0, time)), braking).copy()
+
+
+@cache
+def _attitude(inertia_bytes: bytes, rate_bytes: bytes, time_bytes: bytes, braking: float) -> FloatArray:
+    """Of so few numbers Python's are faster than arrays."""
+    inertia = np.frombuffer(inertia_bytes).reshape(3, 3)
+    rate0, time = np.frombuffer(rate_bytes), np.frombuffer(time_bytes)
     rows, inverse = inertia.tolist(), np.linalg.inv(inertia).tolist()
 
     def slope(_: float, state: FloatArray) -> FloatArray:

@@ -44,15 +44,16 @@ def by_quadrature(design, functions, known, wanted, largest):
         prior = np.concatenate([[0.5], 0.5 * inner / inner.sum()])
         axes.append((np.concatenate([[0.0], np.geomspace(least, most, NODES)]), prior))
     terms, logarithms = [], []
+    (others, of_others), part = axes[1], functions[1] @ functions[1].T
     for first, of_first in zip(*axes[0], strict=True):
-        for second, of_second in zip(*axes[1], strict=True):
-            noise = sure + first * functions[0] @ functions[0].T + second * functions[1] @ functions[1].T
-            mean, covariance, logarithm = restricted(design, noise, wanted)
-            moments = covariance + np.outer(mean, mean)
-            terms.append(np.concatenate([[first, second], moments.ravel()]))
-            logarithms.append(logarithm + np.log(of_first * of_second))
-    weight = np.exp(np.array(logarithms) - np.max(logarithms))
-    found = weight @ np.array(terms) / weight.sum()
+        noise = sure + first * functions[0] @ functions[0].T + others[:, None, None] * part
+        mean, covariance, logarithm = restricted(design, noise, wanted)
+        moments = (covariance + mean[:, :, None] * mean[:, None]).reshape(len(others), -1)
+        terms.append(np.column_stack([np.full(len(others), first), others, moments]))
+        logarithms.append(logarithm + np.log(of_first * of_others))
+    terms, logarithms = np.concatenate(terms), np.concatenate(logarithms)
+    weight = np.exp(logarithms - logarithms.max())
+    found = weight @ terms / weight.sum()
     return found[:2], found[2:].reshape(UNKNOWNS, UNKNOWNS)
 
 

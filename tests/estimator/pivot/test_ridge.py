@@ -98,27 +98,33 @@ def held_at(found: PivotSolution, axis: FloatArray, place: float) -> FloatArray:
     (body,), x = found.bodies, found.solution.x
     seen = found.observations.frames(body.frames).features(body.features)
     frames, features = seen.weight.shape
-    weight = np.sqrt(seen.weight / found.variance)[..., None]
+    weight, prior = np.sqrt(seen.weight / found.variance)[..., None], found.regularisation.prior
 
     def residuals(y: FloatArray) -> FloatArray:
         points = body.points + y[3 : 3 + 3 * features].reshape(-1, 3)
         attitude = body.attitude @ Rotation.from_rotvec(y[3 + 3 * features :].reshape(-1, 3)).as_matrix()
         off = weight * (seen.position - x - y[:3] - points @ np.swapaxes(attitude, 1, 2))
-        prior = np.sqrt(found.regularisation.prior) * points.mean(axis=0)
-        return np.concatenate([off.ravel(), prior, [1e3 * (axis @ y[:3] - place)]])
+        held = np.sqrt(prior) * points.mean(axis=0)
+        return np.concatenate([off.ravel(), held, [1e3 * (axis @ y[:3] - place)]])
 
     def jacobian(y: FloatArray) -> FloatArray:
-        """By differences: a rotation moves its own frame alone, so that those of all frames are moved at once."""
+        """Of the linear unknowns, and by differences: a rotation moves its own frame alone, so that those of all frames
+        are moved at once.
+        """
         here, step, alone = residuals(y), 1e-7, 3 + 3 * features
-        moved = [(residuals(y + step * one) - here) / step for one in np.eye(len(y))[:alone]]
+        attitude = body.attitude @ Rotation.from_rotvec(y[alone:].reshape(-1, 3)).as_matrix()
         found = np.zeros((len(here), len(y)))
-        found[:, :alone] = np.transpose(moved)
-        for axis in range(3):
+        off = found[: frames * features * 3].reshape(frames, features, 3, -1)
+        off[..., :3] = -weight[..., None] * np.eye(3)
+        for i in range(features):
+            off[:, i, :, 3 + 3 * i : 6 + 3 * i] = -weight[:, i, :, None] * attitude
+        found[-4:-1, 3:alone] = np.sqrt(prior) * np.tile(np.eye(3) / features, features)
+        found[-1, :3] = 1e3 * axis
+        for turning in range(3):
             turned = y.copy()
-            turned[alone + axis :: 3] += step
-            change = (residuals(turned) - here)[: frames * features * 3].reshape(frames, -1) / step
-            for k in range(frames):
-                found[k * features * 3 : (k + 1) * features * 3, alone + 3 * k + axis] = change[k]
+            turned[alone + turning :: 3] += step
+            change = (residuals(turned) - here)[: frames * features * 3].reshape(frames, features, 3) / step
+            off[np.arange(frames), :, :, alone + 3 * np.arange(frames) + turning] = change
         return found
 
     start = np.zeros(3 + 3 * features + 3 * frames)
