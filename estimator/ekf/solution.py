@@ -16,6 +16,7 @@ MARGIN = 10.0  # of an eigenvalue of the parameters' scaled information over its
 LOST = 1e-6  # of the squares at the reference, by which those at the minimum are negative: lost in rounding
 INDISTINCT = 1e-3  # such rounding errors of which hardly anything is known
 MEMORY = 1e8  # bytes for the smoother of some members at a time
+IMPOSSIBLE = -1e300  # logarithm of a likelihood that is 0, of which differences are numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +88,11 @@ def log_likelihoods(
 ) -> FloatArray:
     """The restricted log-likelihoods (k,) of the members, for a known or an unknown variance of an observation.
 
-    dof: values less parameters without a prior, of which a proper one counts as an observation. −∞ where the cost has
-    overflown.
+    dof: values less parameters without a prior, of which a proper one counts as an observation. `IMPOSSIBLE` where the
+    cost has overflown.
     """
     forward = filtered(system, noise)
-    likelihood = np.full(len(noise.density), -np.inf)
+    likelihood = np.full(len(noise.density), IMPOSSIBLE)
     for member in range(len(likelihood)):
         try:
             found = parameters_of(forward, member, prior)

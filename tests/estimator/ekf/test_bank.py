@@ -7,6 +7,7 @@ from scipy.special import digamma
 from scipy.stats import invgamma
 
 from baryscope.estimator.ekf.bank import DECADES, Axis, Bank, Member, level_of
+from baryscope.estimator.ekf.solution import IMPOSSIBLE
 
 NONE = Axis(1.0, "none")
 
@@ -112,3 +113,20 @@ def test_a_density_that_tracks_tell_well_is_found_between_the_levels(values, mos
     assert abs(np.log(density[np.argmax(probability)] / most)) < 1.5 * deviation
     mean = probability @ np.log(density)
     assert mean == pytest.approx(np.log(most * values / 2) - digamma(values / 2), abs=0.3 * deviation)
+
+
+def test_densities_with_which_the_filter_diverges_have_no_probability():
+    """As those of little torque of an unstable motion: differences of such scores warned of what is no number."""
+    whole = bell(20.0, 60.0, 0.5)
+
+    def evaluate(members):
+        diverges = np.array([member.path < 1.0 for member in members])
+        return np.where(diverges, IMPOSSIBLE, whole(members))
+
+    bank = Bank(Axis(1.0, "auto"), NONE, evaluate)
+    best = bank.best(None)
+    members, probability = bank.posterior(best)
+    assert sum(p for member, p in zip(members, probability, strict=True) if member.path < 1.0) == 0
+    assert bank.significance(best) > 0
+    low, high = bank.bounds(best)[0]
+    assert 1.0 <= low < 60.0 < high
