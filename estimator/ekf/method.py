@@ -60,6 +60,7 @@ from baryscope.models.words import counted
 MAX_FEATURES = 200  # all are among the unknowns
 MAX_MEMORY = 8e9  # bytes
 ALWAYS = 0.9  # share of the frames
+SAME_NOISE = 9.0  # most that the variance of residuals may be of that with free attitudes
 
 
 def estimate_by_filter(
@@ -221,15 +222,17 @@ class _Model:
 
     def passes_from_likeliest_tumble(self) -> Passes | None:
         """The passes from the tumble that `ml` finds, whose steps are damped, and arrive from where passes do not; None
-        where these do not come to rest.
+        where these do not come to rest, or do so at another tumble, which is far from the points.
         """
         task = self.task
         try:
-            tracks, _, best = likeliest_tumble(task.tracks, task.pivot.solved, self.torques, task.options, task.rounds)
+            free = task.pivot.solved
+            tracks, _, best = likeliest_tumble(task.tracks, free, self.torques, task.options, task.rounds)
             found = self._passes(start_of(tracks, best), tracks, observations_of(tracks, tracks.seen))
         except ComputationError:
             return None
-        return found if found.converged else None
+        fits = found.last.residual_variance <= SAME_NOISE * free.residual_variance
+        return found if found.converged and fits else None
 
     def _passes(self, start: Start, tracks: FeatureTracks, measured: Observations) -> Passes:
         """The passes over the tracks, or over those with new labels where some were used twice."""
