@@ -237,6 +237,10 @@ def end_before_the_start(root):
     root.find("DefaultExperiment").set("stopTime", "-5.0")
 
 
+def nominal_of_nothing(root):
+    variable(root, "state.position[2]").find("Real").set("nominal", "0.0")
+
+
 def too_many_event_indicators(root):
     root.set("numberOfEventIndicators", "2")
 
@@ -244,6 +248,7 @@ def too_many_event_indicators(root):
 # Mutation, what an error of ours must say, whether fmpy's validation alone has something to say.
 MUTATIONS_2 = [
     (end_before_the_start, "DefaultExperiment/stopTime: found -5, expected a time after that of the start, 0", False),
+    (nominal_of_nothing, r"state.position\[2\]: found nominal 0.0, expected a positive number", False),
     (too_many_event_indicators, "numberOfEventIndicators: found 2, but .* expected 0", False),
     (wrong_token, "the token is not this library's", False),
     (missing_start, "target.inertia.xx.*has no start value", True),

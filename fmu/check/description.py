@@ -28,6 +28,8 @@ UNCHECKED = (
     "providesPerElementDependencies",
 )
 
+LEAST_TOLERANCE = 1e-10  # that solvers of importers attain with changing inputs
+
 
 def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     """All checks of an unpacked unit that do not run its binary."""
@@ -38,6 +40,7 @@ def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     yield from _reference_findings(description)
     yield from _start_findings(description)
     yield from _limit_findings(description)
+    yield from _nominal_findings(description)
     yield from _derivative_findings(description)
     yield from _dependency_findings(description)
     yield from _flag_findings(description)
@@ -160,6 +163,14 @@ def _limit_findings(description: Any) -> Iterator[Finding]:
             yield error(variable.name, f"found start {listed(outside)}, expected {smallest:g} to {largest:g}")
 
 
+def _nominal_findings(description: Any) -> Iterator[Finding]:
+    """Nominal sizes, by which importers scale their tolerances, are positive."""
+    for variable in description.modelVariables:
+        wrong = [text for text in str(variable.nominal or "").split() if not 0 < float(text) < inf]
+        if wrong:
+            yield error(variable.name, f"found nominal {listed(wrong)}, expected a positive number")
+
+
 def _derivative_findings(description: Any) -> Iterator[Finding]:
     """Every derivative is listed in ModelStructure, has a state of its own, and matches the state in its name."""
     variables = [variable for variable in description.modelVariables if variable.derivative is not None]
@@ -219,9 +230,14 @@ def _flag_findings(description: Any) -> Iterator[Finding]:
 
 
 def _experiment_findings(description: Any) -> Iterator[Finding]:
-    """The default experiment ends after it begins."""
+    """The default experiment ends after it begins, and its tolerance can be that of an importer's solver."""
     experiment = description.defaultExperiment
-    if experiment is None or experiment.stopTime is None:
+    if experiment is None:
+        return
+    if experiment.tolerance is not None and not LEAST_TOLERANCE <= float(experiment.tolerance) < 1:
+        expected = f"expected {LEAST_TOLERANCE:g} to 1: importers take it for their own solver's"
+        yield warning("DefaultExperiment/tolerance", f"found {experiment.tolerance}, {expected}")
+    if experiment.stopTime is None:
         return
     begin, end = float(experiment.startTime or 0.0), float(experiment.stopTime)
     if not end > begin:

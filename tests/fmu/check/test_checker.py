@@ -49,11 +49,20 @@ def test_a_mutation_of_fmi_3_is_caught(small_fmu3, tmp_path, mutate, words, fmpy
     assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
 
 
-def test_declarations_that_cannot_be_checked_are_reported(small_fmu3, tmp_path):
-    unit = mutated(small_fmu3, tmp_path / "mutant.fmu", flag("CoSimulation", "hasEventMode", "true"))
-    assert [str(f) for f in check_unit(unit)] == [
-        "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
-    ]
+@pytest.mark.parametrize(
+    "mutate, words",
+    [
+        (flag("CoSimulation", "hasEventMode", "true"), "CoSimulation/hasEventMode: is declared, and cannot be checked"),
+        (
+            flag("DefaultExperiment", "tolerance", "1e-13"),
+            "DefaultExperiment/tolerance: found 1e-13, expected 1e-10 to",
+        ),
+    ],
+)
+def test_declarations_that_cannot_be_checked_or_met_are_reported(small_fmu3, tmp_path, mutate, words):
+    unit = mutated(small_fmu3, tmp_path / "mutant.fmu", mutate)
+    [found] = check_unit(unit)
+    assert str(found).startswith(f"warning: {words}")
 
 
 RATE = b"unit_set_rate(&instance->core.unit, VARIABLES[selection.references[i]].offset - AT_INPUTS, values[i]);"
