@@ -3,11 +3,10 @@
 import numpy as np
 
 from baryscope.estimator.limits import LATEST
+from baryscope.estimator.tables.clock import seconds_since
 from baryscope.estimator.tables.form import FloatArray, Form
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.thrust import STRONGEST
-from baryscope.models.ephemeris.utc import seconds_between, utc_of
-from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
 
 COLUMNS = ("time", "ax", "ay", "az")
@@ -31,9 +30,7 @@ def read_acceleration(path: AnyPath, epoch: str | None = None) -> tuple[FloatArr
         table.refuse_beyond(name, limit, expected)
     time = columns.numbers["time"]
     if columns.epoch is not None:
-        if epoch is None:
-            raise InputError(f"{path}: UTC times, expected seconds, as in the tracks; or UTC times there, or --epoch")
-        time = time + seconds_between(utc_of(epoch, "epoch"), columns.epoch)
+        time = time + seconds_since(epoch, columns.epoch, str(path))
     late = np.diff(time, prepend=-np.inf) <= 0
     table.refuse(late, "time", "not after the row before, expected ascending times")
     return time, np.stack([columns.numbers[name] for name in COLUMNS[1:]], axis=1)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.tables.form import FloatArray
-from baryscope.models.ephemeris.utc import FORM, Moment, utc_of
+from baryscope.models.ephemeris.utc import FORM, Moment, seconds_between, utc_of
+from baryscope.models.errors import InputError
 
 EMPTY = np.iinfo(np.int64).min  # of nanoseconds
 
@@ -48,3 +49,14 @@ class Clock:
         earliest = int(nanoseconds[~empty].min(initial=np.iinfo(np.int64).max)) if not empty.all() else 0
         seconds = np.where(empty, np.nan, (nanoseconds - earliest) / 1e9)
         return seconds, self.first + np.timedelta64(earliest, "ns")
+
+
+def seconds_since(epoch: str | None, moment: Moment, source: str) -> float:
+    """Seconds from the UTC `epoch`, that of time 0 of the tracks, to the moment from which a file's times count.
+
+    Raises:
+        InputError: no epoch is known.
+    """
+    if epoch is None:
+        raise InputError(f"{source}: UTC times, expected seconds, as in the tracks; or UTC times there, or --epoch")
+    return seconds_between(utc_of(epoch, "epoch"), moment)

@@ -91,7 +91,7 @@ def estimate_file(
     files = _Files(writable(output or tracks.with_suffix(".estimate.csv"), (*WRITABLE, *MARKER_FORMS)))
     given = path or PathChoices(), screws or ScrewChoices(), chosen.forces.chosen()
     method, options = method_options(method, *given, orbit=chosen.frames.orbit is not None)
-    chosen.frames.check(chosen.forces.acceleration)
+    chosen.frames.check(chosen.others_in_utc)
     chosen.prediction.check(method)
     check_outputs(files.all, [tracks, *chosen.files])
     with show.progress() as progress:
@@ -134,7 +134,16 @@ class _Choices:
     @property
     def files(self) -> list[Path]:
         """The files that are read beside the tracks."""
-        return [*self.frames.files(), *([] if self.forces.acceleration is None else [self.forces.acceleration])]
+        return [*self.frames.files(), *self._others]
+
+    @property
+    def others_in_utc(self) -> bool:
+        """Whether files beside those of the frames may have UTC times."""
+        return bool(self._others)
+
+    @property
+    def _others(self) -> list[Path]:
+        return [one for one in (self.forces.acceleration, self.prediction.predict_at) if one is not None]
 
 
 @dataclass(frozen=True)
@@ -184,7 +193,7 @@ def _read(recorded: FeatureTracks, data: FeatureTracks, options: Options, chosen
         refuse_unmarkable(recorded, files.estimate)
     data = known.dated(data)
     options = chosen.forces.read_into(options, known.epoch, known.camera)
-    return _Read(recorded, data, known, options, chosen.prediction.of(data))
+    return _Read(recorded, data, known, options, chosen.prediction.of(data, known.epoch))
 
 
 def _write(

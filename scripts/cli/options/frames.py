@@ -62,8 +62,8 @@ class FrameChoices:
     camera: Path | None = None
     rig: Path | None = None
 
-    def check(self, acceleration: Path | None) -> None:
-        """Check the options before anything is read; acceleration: a file whose times may be UTC.
+    def check(self, others: bool) -> None:
+        """Check the options before anything is read; others: whether a file beside these may have UTC times.
 
         Raises:
             InputError: a rig without a camera, an accuracy without an orbit, an epoch that is no UTC, or one that
@@ -75,10 +75,10 @@ class FrameChoices:
             raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
         if self.epoch is not None:
             utc_of(self.epoch, "--epoch")
-            if self.orbit is None and acceleration is None and self.camera is None:
+            if self.orbit is None and self.camera is None and not others:
                 raise InputError(
-                    "--epoch: needs something that has a UTC, expected --orbit ORBIT, --acceleration A.csv or "
-                    "--camera ATTITUDE.csv"
+                    "--epoch: needs something that has a UTC, expected --orbit ORBIT, --acceleration A.csv, "
+                    "--camera ATTITUDE.csv or --predict-at TIMES.csv"
                 )
 
     def files(self) -> list[Path]:

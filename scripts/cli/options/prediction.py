@@ -1,4 +1,4 @@
-"""`baryscope estimate --predict`: where the centre of mass, or a point of the body, is after or before the tracks."""
+"""What `baryscope estimate` predicts: where the centre of mass, or a point of the body, is at times without frames."""
 
 import math
 from dataclasses import dataclass
@@ -12,8 +12,10 @@ from baryscope.estimator.limits import LATEST
 from baryscope.estimator.methods import PREDICTING, TURNING
 from baryscope.estimator.prediction import Point, Prediction
 from baryscope.estimator.result import Estimate
+from baryscope.estimator.tables.times import read_times_in
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.words import counted
 
 MOST_ROWS = 100_000
 
@@ -50,12 +52,16 @@ class PredictionChoices:
     predict
         Seconds after the last frame, or, below zero, before the first one (pivot, ml, ekf): position and velocity with
         their covariance, at the tracks' sampling until then, go into a file of the output's name with .prediction.csv.
+    predict_at
+        A CSV file with the column `time`, in s as in the tracks or UTC, ascending: the same at these times, which may
+        lie before, between and after the frames, in gaps, too.
     point
         The point of the body to predict (ml, ekf): the label of a feature, or x,y,z in m in the axes of the cluster of
         most frames, from the centroid of its features, as in `features` of the .json file. Default: the centre of mass.
     """
 
     predict: float | None = None
+    predict_at: Path | None = None
     point: str | None = None
 
     def check(self, method: str) -> None:
@@ -64,27 +70,36 @@ class PredictionChoices:
         Raises:
             InputError: a method that cannot predict this, a span that is none, or a point without one.
         """
-        if self.predict is None:
+        if self.predict is None and self.predict_at is None:
             if self.point is not None:
-                raise InputError(f"--point: found {self.point} without a time, expected --predict SECONDS, too")
+                expected = "expected --predict SECONDS or --predict-at TIMES.csv, too"
+                raise InputError(f"--point: found {self.point} without a time, {expected}")
             return
-        if not 0 < abs(self.predict) <= LATEST:
+        if self.predict is not None and self.predict_at is not None:
+            raise InputError(f"--predict: found {self.predict:g} beside --predict-at, expected one of the two")
+        if self.predict is not None and not 0 < abs(self.predict) <= LATEST:
             expected = f"expected seconds ahead, or back below 0, at most {LATEST:g} of them"
             raise InputError(f"--predict: found {self.predict:g}, {expected}")
         able = PREDICTING if self.point is None else TURNING
         if method not in able:
-            name = "--predict" if self.point is None else "--point"
+            asked = "--predict" if self.predict_at is None else "--predict-at"
+            name = asked if self.point is None else "--point"
             why = "which has attitudes in its frames only, " if method == "pivot" else ""
             expected = f"{', '.join(able[:-1])} or {able[-1]}"
             raise InputError(f"{name}: found with --method {method}, {why}expected {expected}")
 
-    def of(self, tracks: FeatureTracks) -> "AskedFor | None":
-        """What is asked for of tracks; None without --predict.
+    def of(self, tracks: FeatureTracks, epoch: str | None) -> "AskedFor | None":
+        """What is asked for of tracks, of which `epoch` is the UTC of time 0, if known; None if nothing is.
 
         Raises:
-            InputError: a point that is none, or too many times.
+            InputError: a point that is none, too many times, or a file of times that is wrong.
         """
-        return None if self.predict is None else AskedFor(self._times(tracks), self._point_of(tracks))
+        if self.predict is None and self.predict_at is None:
+            return None
+        time = self._times(tracks) if self.predict_at is None else read_times_in(self.predict_at, epoch)
+        if len(time) > MOST_ROWS:
+            raise InputError(f"{self.predict_at}: found {len(time)} times, expected {MOST_ROWS} at most")
+        return AskedFor(time, self._point_of(tracks))
 
     def _point_of(self, tracks: FeatureTracks) -> Point:
         """The point: a label of the tracks, or coordinates.
@@ -120,13 +135,16 @@ class PredictionChoices:
         return np.asarray(tracks.time[-1] + away if self.predict > 0 else tracks.time[0] - away[::-1])
 
     def line(self, found: Prediction, path: Path) -> str:
-        """How accurate the prediction is at the time asked for."""
-        assert self.predict is not None  # noqa: S101  asked for
+        """How accurate the prediction is at the time asked for, or between which it is at those of a file."""
         what = "centre of mass" if self.point is None else self.point
+        deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2).reshape(-1, 2, 3).sum(axis=2))
+        if self.predict is None:
+            (least, _), (most, fastest) = deviations.min(axis=0), deviations.max(axis=0)
+            when = f"at {counted(len(deviations), 'time')}"
+            return f"{what} {when}: ±{least:.2g} to ±{most:.2g} m, up to ±{fastest:.2g} m/s; {path}"
         when = f"in {self.predict:g} s" if self.predict > 0 else f"{-self.predict:g} s before the first frame"
-        farthest = found.covariance[-1 if self.predict > 0 else 0]
-        deviation = np.sqrt(np.diagonal(farthest).reshape(2, 3).sum(axis=1))
-        return f"{what} {when}: ±{deviation[0]:.2g} m, ±{deviation[1]:.2g} m/s; {path}"
+        place, rate = deviations[-1 if self.predict > 0 else 0]
+        return f"{what} {when}: ±{place:.2g} m, ±{rate:.2g} m/s; {path}"
 
 
 def prediction_path(target: Path) -> Path:

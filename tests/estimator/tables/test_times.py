@@ -1,4 +1,4 @@
-"""Files of the times of images: tables of one column."""
+"""Files of times: tables of one column."""
 
 import numpy as np
 import pytest

@@ -321,12 +321,18 @@ def test_a_look_back(tracks, tmp_path, capsys):
 @pytest.mark.parametrize(
     "options, message",
     [
-        (["--point", "F1"], "--point: found F1 without a time, expected --predict SECONDS, too"),
+        (["--point", "F1"], "--point: found F1 without a time, expected --predict SECONDS or --predict-at"),
         (
             ["--predict", "5", "--point", "F1"],
             "--point: found with --method pivot, which has attitudes in its frames only",
         ),
         (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot, ml or ekf"),
+        (
+            ["--predict", "5", "--predict-at", "t.csv"],
+            "--predict: found 5 beside --predict-at, expected one of the two",
+        ),
+        (["--predict-at", "t.csv", "--method", "score"], "--predict-at: found with --method score, expected pivot, ml"),
+        (["--predict-at", "t.csv"], "t.csv: "),
         (["--predict", "0"], "--predict: found 0, expected seconds ahead, or back below 0"),
         (["--predict", "1e300"], "found 1e+300, expected seconds ahead, or back below 0, at most 1e+10 of them"),
         (["--predict", "1e9"], "--predict: found 1e+09 s at steps of 1 s, expected 100000 at most"),
