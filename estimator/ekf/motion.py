@@ -192,7 +192,7 @@ def changed_inertia(inertia: FloatArray, error: FloatArray, most: float = MAX_IN
     root = np.linalg.cholesky(mass_of(inertia))
     error = error * min(1.0, most / (float(np.linalg.norm(error)) + 1e-300))
     values, vectors = np.linalg.eigh(np.tensordot(error, INERTIA_BASIS, 1))
-    half = root @ vectors * np.exp(values / 2)
+    half = root @ vectors * np.exp((values - values[-1]) / 2)  # of any size, as only its shape counts
     return of_a_body(inertia_of(half @ half.T))
 
 

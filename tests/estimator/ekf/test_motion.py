@@ -74,6 +74,15 @@ def test_no_change_leads_to_an_inertia_that_no_body_has():
         assert least + middle > greatest
 
 
+def test_an_inertia_of_which_nothing_is_known_stays_that_of_a_body():
+    """Members of a posterior as wide as that had moments of mass beyond all numbers: a prediction ended in an error."""
+    error = np.random.default_rng(1).normal(size=5)
+    far, farther = (changed_inertia(J, size * error, np.inf) for size in (1e3, 1e5))
+    np.testing.assert_allclose(farther, far, atol=1e-3)  # what is thinnest in one is no thicker in the other
+    assert np.trace(farther) == pytest.approx(1)
+    assert np.linalg.eigvalsh(farther)[-1] <= 0.5
+
+
 def test_the_logarithm_of_an_inertia_leads_to_a_sphere():
     """In any axes; by steps, as one is bounded."""
     np.testing.assert_allclose(logarithm_of_inertia(np.eye(3) / 3), 0.0, atol=1e-15)
