@@ -20,8 +20,7 @@ def attached_offset(found: Passes, features: IntArray) -> tuple[FloatArray, Floa
     these features; and the information, 1/m², of what is not observed of it.
     """
     points = found.reference.points
-    attached = np.zeros((3, 3 * len(points)))
-    attached.reshape(3, -1, 3)[:, features] = offset_by_points(points[features]).reshape(3, -1, 3)
+    attached = offset_by_points(points, features)
     return points[features].mean(axis=0), attached, 1 / farthest(points[features]) ** 2
 
 

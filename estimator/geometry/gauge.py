@@ -5,6 +5,8 @@ points: if the points are changed, the axes turn with them. Points in a line tel
 are attached to the line and the origin, which stay in one plane.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,12 +27,19 @@ def are_in_line(points: FloatArray, most: float = IN_LINE) -> bool:
     return _are_in_line(np.asarray(np.linalg.eigvalsh(_inertia(points - points.mean(axis=0)))), most)
 
 
-def offset_by_points(points: FloatArray) -> FloatArray:
+def offset_by_points(points: FloatArray, used: NDArray[Any] | None = None) -> FloatArray:
     """Jacobian (3, 3 m) of the centroid of points (m, 3) by the points, in axes attached to the points.
 
-    A rotation of all points about their centroid rotates the axes, so the centroid rotates in them.
+    A rotation of all points about their centroid rotates the axes, so the centroid rotates in them. used: an index of
+    those whose centroid and axes they are, all unless given.
     """
-    return np.asarray(_mean(points) + cross_matrices(points.mean(axis=0)[None])[0] @ attached_turn(points))
+    some = points if used is None else points[used]
+    own = _mean(some) + cross_matrices(some.mean(axis=0)[None])[0] @ attached_turn(some)
+    if used is None:
+        return np.asarray(own)
+    found = np.zeros((3, *points.shape))
+    found[:, used] = own.reshape(3, -1, 3)
+    return found.reshape(3, -1)
 
 
 def attached_turn(points: FloatArray) -> FloatArray:

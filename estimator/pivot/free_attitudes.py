@@ -22,7 +22,7 @@ from baryscope.estimator.adjustment.frame_shifts import FrameShifts
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.geometry.alignment import FEWEST_POINTS
-from baryscope.estimator.geometry.gauge import are_in_line
+from baryscope.estimator.geometry.gauge import are_in_line, offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
     inverse_across,
@@ -221,7 +221,7 @@ def linearised(
 
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
     shifts: of these; offset_information (k, 3, 3): that of a prior of mean zero on the offset of each body, in the
-    weights' units.
+    weights' units. It is that of the features that are told: one that nothing tells would take all of it.
     """
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
     frames = AllFrames(path, path.position(x), shifts)
@@ -232,9 +232,10 @@ def linearised(
         squares[body.block] = own_squares
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths, offset_cost = [], [], 0.0
-    for index, (body, own_sums) in enumerate(zip(turned, sums, strict=True)):
+    every = [told_features(body, observations.weight) for body in turned]
+    for index, (body, told, own_sums) in enumerate(zip(turned, every, sums, strict=True)):
         if offset_information is not None:
-            by_points, offset = body.offset_by_points, body.points.mean(axis=0)
+            by_points, offset = offset_by_points(body.points, told), body.points[told].mean(axis=0)
             own_sums.know(by_points.T @ offset_information[index], by_points, offset)
             offset_cost += float(offset @ offset_information[index] @ offset)
         turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S
@@ -255,7 +256,7 @@ def linearised(
         inverse=tuple(inverses),
         by_path=tuple(by_paths),
         points_rhs=points_rhs,
-        told=tuple(told_features(body, observations.weight) for body in turned),
+        told=tuple(every),
         squares=squares,
         noise_cost=sum(own_sums.noise_cost for own_sums in sums),
         noise_volume=sum(own_sums.noise_volume for own_sums in sums),

@@ -99,6 +99,26 @@ def test_a_feature_of_which_all_is_rejected_does_not_distort_the_others():
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_a_feature_of_which_nothing_counts_takes_no_prior_from_the_others(full):
+    """It was part of the centroid that is held near the centre of mass, so that it went to where the others needed no
+    prior, by kilometres in few steps. Oracle: the steps of the bodies without that feature.
+    """
+    observations, sampled, bodies, x = scene(full)
+    weight = observations.weight.copy()
+    weight[:, 1] = 0.0
+    rejected = observations.weighted(weight)
+    told = np.array([True, False, True, True])
+    alone, y, known = (bodies[0].of_features(told), *bodies[1:]), x, np.tile(9.0 * np.eye(3), (2, 1, 1))
+    for _ in range(5):
+        found = linearised(bodies, rejected, sampled, x, offset_information=known).step()
+        expected = linearised(alone, rejected, sampled, y, offset_information=known).step()
+        bodies, x, alone, y = found.bodies, found.x, expected.bodies, expected.x
+        np.testing.assert_allclose(x, y, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(distances(bodies[0].points[told]), distances(alone[0].points), rtol=0, atol=1e-9)
+        assert np.linalg.norm(bodies[0].points[1]) < 10  # m
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_a_step_agrees_with_the_dense_normal_equations(full):
     """With all rotations, points and path as unknowns; the pseudo-inverse fixes the gauge of the bodies' axes."""
     observations, sampled, bodies, x = scene(full)
