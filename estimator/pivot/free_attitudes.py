@@ -180,8 +180,9 @@ class StepStart:
         return middle, (self.problem.x + x) / 2
 
     def _cost(self, problem: Linearised, weight: FloatArray) -> float:
-        squares = squares_of_used(problem, weight) / self.variance
-        observed = float(np.minimum(squares, GATE).sum()) + (problem.noise_cost + problem.offset_cost) / self.variance
+        # One that is rejected outright costs as much as any outlier: else a step to where nothing fits would be none.
+        gained = np.minimum(squares_of_used(problem, weight) / self.variance - GATE, 0.0)
+        observed = float(gained.sum()) + (problem.noise_cost + problem.offset_cost) / self.variance
         return observed / self.lasting + float(self.precision @ (problem.x * problem.x))
 
 

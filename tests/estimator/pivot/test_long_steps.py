@@ -37,6 +37,15 @@ def test_a_step_away_is_worse_and_a_step_back_is_not(lasting):
     assert not StepStart(right, weight, NOISE**2, lasting, none).is_worse(right, weight)
 
 
+def test_a_step_after_which_nothing_fits_is_worse():
+    """Weights of what is far off are 0, not small: without the cost of these it was a step to where nothing is left."""
+    right, weight = problem_at(np.zeros(3))
+    far, _ = problem_at(np.array([100.0, 0.0, 0.0]))
+    rejected = np.zeros_like(weight)
+    rejected[0] = weight[0]
+    assert StepStart(right, weight, NOISE**2, 1.0, np.zeros(3)).is_worse(replace(far, squares=right.squares), rejected)
+
+
 def test_a_prior_may_ask_for_a_step_uphill():
     """What the prior of x gains counts as much as what the observations lose."""
     right, weight = problem_at(np.zeros(3))
