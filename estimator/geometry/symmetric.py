@@ -48,19 +48,26 @@ def inverse_and_null_space(matrix: FloatArray, sizes: FloatArray | None = None) 
     return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale)), np.asarray(null_space)
 
 
-def inverse_across(matrix: FloatArray, along: FloatArray, sizes: FloatArray) -> FloatArray:
+def inverse_across(
+    matrix: FloatArray, along: FloatArray, sizes: FloatArray, held: BoolArray | None = None
+) -> FloatArray:
     """The inverse (p, p) of a matrix that is singular along (p, k): zero there, and as of a change across it elsewhere.
 
     First that of a change across it in units of 1/√sizes: the weights of two unknowns may have a ratio of 1e10, and in
-    the other units rounding in the great ones would be more than the small ones are.
+    the other units rounding in the great ones would be more than the small ones are. held (p,): of which unknowns the
+    change is across it, all unless given; the others are what these make them.
     """
     scale = np.sqrt(np.where(sizes > 0, sizes, 1.0))[:, None]
     scaled, _ = np.linalg.qr(scale * along)
     tied, back = scale * scaled, scaled / scale
     inverse = symmetric_pseudo_inverse(matrix + tied @ tied.T, sizes) - back @ back.T
     along, _ = np.linalg.qr(along)
-    left = inverse @ along
-    return np.asarray(inverse - left @ along.T - along @ left.T + along @ (along.T @ left) @ along.T)
+    across = along
+    if held is not None:
+        across = along * held[:, None]
+        along = along @ np.linalg.inv(across.T @ across)
+    left = inverse @ across
+    return np.asarray(inverse - left @ along.T - along @ left.T + along @ (across.T @ left) @ along.T)
 
 
 def factor_of(covariance: FloatArray) -> FloatArray:

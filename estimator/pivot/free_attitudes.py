@@ -240,7 +240,8 @@ def linearised(
             own_sums.know(by_points.T @ offset_information[index], by_points, offset)
             offset_cost += float(offset @ offset_information[index] @ offset)
         turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S
-        inverse = inverse_across(own_sums.points, turns, own_sums.points_sizes)
+        held = None if told.all() else np.repeat(told, 3)
+        inverse = inverse_across(own_sums.points, turns, own_sums.points_sizes, held)
         sizes += own_sums.path_sizes
         by_path = inverse @ own_sums.path_points.T
         matrix += own_sums.path - own_sums.path_points @ by_path

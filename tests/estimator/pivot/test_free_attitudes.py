@@ -1,5 +1,7 @@
 """Gauss–Newton with free attitudes, against the dense problem with every unknown, and scipy's least_squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -116,6 +118,24 @@ def test_a_feature_of_which_nothing_counts_takes_no_prior_from_the_others(full):
         np.testing.assert_allclose(x, y, rtol=0, atol=1e-9)
         np.testing.assert_allclose(distances(bodies[0].points[told]), distances(alone[0].points), rtol=0, atol=1e-9)
         assert np.linalg.norm(bodies[0].points[1]) < 10  # m
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_axes_are_attached_to_the_features_that_count(full):
+    """Else they were to one that is far off: what a change of the path did to the others was a turn by radians."""
+    observations, sampled, bodies, x = scene(full)
+    weight = observations.weight.copy()
+    weight[:, 1] *= 1e-12
+    told = np.array([True, False, True, True])
+    points = np.where(told[:, None], bodies[0].points, [400.0, -200.0, 300.0])
+    rejected = observations.weighted(weight)
+    far = linearised((replace(bodies[0], points=points), bodies[1]), rejected, sampled, x)
+    alone = linearised((bodies[0].of_features(told), bodies[1]), rejected, sampled, x)
+    for name in ("by_path", "inverse"):
+        some = np.repeat(told, 3)
+        own = getattr(far, name)[0][some]
+        own = own[:, some] if name == "inverse" else own
+        np.testing.assert_allclose(own, getattr(alone, name)[0], rtol=0, atol=1e-6 * np.abs(own).max())
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
