@@ -28,6 +28,7 @@ RANGES = {
 }  # wider than the solar system; an angle of 1e6 rad still has ten digits
 NUMBERS = ELEMENT_COUNT + 2  # fields of an orbit that are numbers, the first ones
 LEAST_ACCURATE = 0.1  # of the semi-major axis, which is no longer an error of the first order
+MOST_J2 = 1.1  # of the Earth's, in an orbit around it; less may be part of it
 IN_KILOMETRES = EARTH_MU / 1e9  # km³/s²: as a number of m³/s² that of no body whose orbits are known
 MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
 
@@ -117,7 +118,7 @@ class Orbit:
         """J2 needs its radius and the other way round; a radius in km would make it vanish in silence.
 
         Raises:
-            InputError: one is missing, or the radius is not that of the Earth in an orbit around it.
+            InputError: one is missing, or they cannot be those of the Earth in an orbit around it.
         """
         given, missing = ("j2", "equatorial_radius") if self.j2 is not None else ("equatorial_radius", "j2")
         if getattr(self, given) is not None and getattr(self, missing) is None:
@@ -127,6 +128,8 @@ class Orbit:
             raise InputError(
                 f"orbit.equatorial_radius: found {radius:g} m, expected the Earth's, {EARTH_RADIUS:g} m, to 1 %"
             )
+        if self.j2 is not None and self.is_the_earths and not 0 <= self.j2 <= MOST_J2 * EARTH_J2:
+            raise InputError(f"orbit.j2: found {self.j2:g}, expected the Earth's, {EARTH_J2:g}, or 0 for a point mass")
         if radius is not None and radius > periapsis:
             raise InputError(
                 f"orbit.equatorial_radius: found {radius:g} m, expected at most the distance of the periapsis, "

@@ -114,6 +114,8 @@ def test_j2_stands_with_its_radius():
         ({"j2": EARTH_J2}, "orbit.equatorial_radius: missing, expected a value beside j2"),
         ({"equatorial_radius": EARTH_RADIUS}, "orbit.j2: missing, expected a value beside equatorial_radius"),
         ({"j2": 1082.6, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found 1082.6"),
+        ({"j2": 0.5, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found 0.5, expected the Earth's, 0.00108263, or 0"),
+        ({"j2": -EARTH_J2, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found -0.00108263, expected the Earth's"),
         ({"j2": EARTH_J2, "equatorial_radius": 6378.137}, "expected the Earth's, 6.37814e+06 m"),
         ({"j2": float("nan"), "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found nan, expected a finite number"),
         ({"j2": True, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found True, expected a number"),
