@@ -25,7 +25,7 @@ from baryscope.estimator.paths.interpolated_path import interpolated
 from baryscope.estimator.paths.path import Path
 from baryscope.estimator.paths.process_noise import enriched, with_fewest_modes
 from baryscope.estimator.paths.sampled_path import SampledPath
-from baryscope.estimator.paths.seen_path import as_seen, errors_in
+from baryscope.estimator.paths.seen_path import as_seen, errors_in, growth_in
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -37,6 +37,7 @@ FloatArray = NDArray[np.float64]
 class MaximumAPosteriori:
     """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
 
+    equations: with points of their true size, which a camera of a wrong scale sees `growth` times as large;
     blocks of the frames; noise of the frames' movements; observations with their final weights; variance of an
     observation of weight 1 in what all frames tell together, as given or from the residuals: in m², or as a factor on
     the given covariances; residual_variance: that from the residuals, of a frame by itself; unknowns: the number of
@@ -51,6 +52,7 @@ class MaximumAPosteriori:
     blocks: Blocks
     noise: FrameNoise | None
     equations: Equations
+    growth: float
     priors: Priors
     posterior: Posterior
     observations: Observations
@@ -153,6 +155,7 @@ def maximised(
     residual = best.equations.cost / degrees_of_freedom_of_points(best.observations, best.unknowns)
     variance = pivot.lasting * (residual if options.sigma is None else options.sigma**2)
     linear = problem.priors.linear(best.equations, best.state.values, max(variance, floor))
+    growth = growth_in(problem.path, errors, best.state.x)
     return MaximumAPosteriori(
         rotation=best.state.rotation,
         motion=best.state.motion,
@@ -161,7 +164,8 @@ def maximised(
         sampled=problem.sampled,
         blocks=problem.blocks,
         noise=noise,
-        equations=_of_true_size(best.equations, problem.path, errors),
+        equations=_of_true_size(best.equations, problem.path, errors, growth),
+        growth=growth,
         priors=problem.priors,
         posterior=posterior(linear, problem.priors.own, best.theta),
         observations=best.observations,
@@ -192,13 +196,13 @@ def _resized(x: FloatArray, path: Path) -> FloatArray:
     return np.pad(x[: path.size], (0, max(path.size - len(x), 0)))
 
 
-def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> Equations:
-    """The equations with the derivatives of the true points, which a camera of a wrong scale s sees times 1 + s."""
+def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None, growth: float) -> Equations:
+    """The equations with the true points and their derivatives; a camera of a wrong scale s sees them times 1 + s."""
     if errors is None or errors.scale is None:
         return found
-    by_unknowns = found.by_unknowns.copy()
-    by_unknowns[:, found.rotation_size + errors_in(path).start + errors.scale] += found.points.ravel()
-    return replace(found, by_unknowns=by_unknowns)
+    points, by_unknowns = found.points / growth, found.by_unknowns / growth
+    by_unknowns[:, found.rotation_size + errors_in(path).start + errors.scale] += points.ravel() / growth
+    return replace(found, points=points, by_unknowns=by_unknowns, points_covariance=found.points_covariance / growth**2)
 
 
 def _attitude_information(best: Iterate) -> float:

@@ -38,7 +38,8 @@ def product_errors(
         return none
     origin, turned = path.position(best.x), turned_by(path, best.x)
     # A pattern is one more unknown of the path, which the equations have beside the others.
-    model = Model(best.motion, path.extended(shift), origin, best.equations.points, best.noise, None, turned)
+    points = best.growth * best.equations.points
+    model = Model(best.motion, path.extended(shift), origin, points, best.noise, None, turned)
     found, q = equations(best.observations, model), len(y)
     of_y = y @ found.matrix[:q, q:] / max(best.variance, 1e-300)
     return of_y, found.by_unknowns[:, q:] - found.by_unknowns[:, :q] @ of_y

@@ -76,6 +76,14 @@ def as_seen(path: Path, own: SampledPath, errors: SharedErrors | None, x: FloatA
     return SampledPath(jacobian, lambda changed: own.position(changed) + columns @ changed[index], own, turn)
 
 
+def growth_in(path: Path, errors: SharedErrors | None, x: FloatArray) -> float:
+    """What lengths within a body look like to a camera of the scale in unknowns x (p,), over the true ones: 1 + s."""
+    index = errors_in(path)
+    if errors is None or errors.scale is None or index.start == index.stop:
+        return 1.0
+    return 1.0 + float(x[index.start + errors.scale])
+
+
 def of_true_size(offset: FloatArray, covariance: FloatArray, with_scale: FloatArray, variance: float) -> FloatArray:
     """The covariance (3, 3) of an offset d (3,) within a body, m, that a camera of a wrong scale s sees as (1 + s) d.
 

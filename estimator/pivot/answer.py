@@ -23,7 +23,7 @@ from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths.extended_path import factors_of
 from baryscope.estimator.paths.interpolated_path import interpolated
-from baryscope.estimator.paths.seen_path import errors_in, of_true_size
+from baryscope.estimator.paths.seen_path import errors_in, growth_in, of_true_size
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import without_spurious_information
 from baryscope.estimator.pivot.pivot_solution import PivotSolution
@@ -52,9 +52,10 @@ def estimate_of(found: PivotSolution, tracks: FeatureTracks, options: PathOption
     covariance = path.covariance(of_x)
     if not np.abs(covariance).max() <= MAX_LENGTH**2:
         raise diverged()
-    covariance = made_definite(covariance)
+    covariance, growth = made_definite(covariance), growth_in(found.path, errors, x)
     clusters = tuple(
-        cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
+        cluster_of(body, body.points / growth, offset, tracks.labels)
+        for body, offset in zip(found.bodies, offsets, strict=True)
     )
     observability = observability_of(clusters, covariance)
     span = (float(tracks.time[0]), float(tracks.time[-1]))

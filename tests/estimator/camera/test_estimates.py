@@ -223,6 +223,32 @@ def test_a_prediction_of_a_feature_has_the_errors_of_its_camera(rig):
     assert (total < 1.3 * high).all(), total
 
 
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_features_have_their_true_size_where_the_motion_tells_the_scale(method):
+    """A camera that turns with a lever arm of 1.2 m sees a point at rest move by its scale's error times that arm.
+
+    `pivot` and `ml` told the features' places as they are seen, 1.6 % too small, which is 60 deviations, and `ml`
+    predicted them there.
+    """
+    rig, time = Rig(lever_arm=tuple(ARM), scale_deviation=0.02), 4.0 * np.arange(60.0)
+    turn = Rotation.from_rotvec(time[:, None] * [0.02, -0.015, 0.01])
+    seen = turning_camera(time, at_rest(time), rig, noise=1e-3, seed=1, turn=turn)
+    options = PathOptions(trajectory="fixed", process_noise="none")
+    found = estimate(seen.tracks, method=method, camera=seen.camera, options=options)
+    (scale,) = found.forces
+    assert abs(scale.value) > 20 * scale.deviation
+    cluster = found.clusters[0]
+    spans = [np.linalg.norm(one - one.mean(axis=0)) for one in (cluster.points, POINTS[cluster.features])]
+    assert abs(spans[0] / spans[1] - 1) < 4 * scale.deviation
+    assert of_offset(found) < chi2.ppf(0.999, 3)
+    assert found.feature_rms.max() < 1.3e-3  # of residuals, which are those of what is seen
+    if method != "pivot":
+        predicted = found.predict(time[[20, -1]], "F4")
+        true = at_rest(time) + attitude(ENVISAT, RATE, time) @ POINTS[4]
+        for k, frame in enumerate((20, -1)):
+            assert nees(predicted.position[k] - true[frame], predicted.covariance[k, :3, :3]) < chi2.ppf(0.999, 3)
+
+
 @pytest.mark.parametrize("method", ["pivot", "ml"])
 def test_an_attitude_that_is_forgotten_is_announced(method):
     seen = turning_camera(TIME, PATH, Rig(lever_arm=tuple(ARM)), noise=0.02)
