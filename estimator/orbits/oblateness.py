@@ -72,15 +72,32 @@ def oblateness_on(
     middle = sum(span) / 2
     plain = kepler_orbit_through(target_states(orbit, np.array([middle]))[0], 0.0, orbit.gravitational_parameter)
     oblate = plain.with_earths_j2()
-    if oblate is None:
-        return None
+    return None if oblate is None else _share_of(plain, oblate, position, span, middle)
+
+
+def oblateness_beside(
+    orbit: Orbit, position: Callable[[FloatArray], FloatArray], span: tuple[float, float]
+) -> Force | None:
+    """The same of an orbit that is told without J2: orbits with J2 and without have the elements told at time 0."""
+    oblate = orbit.with_earths_j2()
+    return None if oblate is None else _share_of(orbit, oblate, position, span)
+
+
+def _share_of(
+    plain: Orbit,
+    oblate: Orbit,
+    position: Callable[[FloatArray], FloatArray],
+    span: tuple[float, float],
+    zero: float = 0.0,
+) -> Force:
+    """The force whose unknown is the share of J2, of a mean square of a half; zero: time 0 of the orbits, s."""
 
     def acceleration(time: FloatArray) -> FloatArray:
-        ahead, behind = (gravity_gradient(one, target_states(one, time - middle)) for one in (oblate, plain))
+        ahead, behind = (gravity_gradient(one, target_states(one, time - zero)) for one in (oblate, plain))
         return perturbing_accelerations([(ahead, behind)], HALF, position(time))
 
     deviation = np.array([np.sqrt(HALF)])
-    return Force(acceleration, (SHARE,), "1", deviation, longest_on(orbit, *span), np.zeros(0))
+    return Force(acceleration, (SHARE,), "1", deviation, longest_on(oblate, *span), np.zeros(0))
 
 
 def oblateness_in(path: Path) -> InexactOrbitPath | None:

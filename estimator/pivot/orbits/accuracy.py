@@ -26,7 +26,7 @@ from baryscope.estimator.orbits.error import (
     orbit_error,
 )
 from baryscope.estimator.orbits.estimated import acting_orbit, estimated_orbit_in
-from baryscope.estimator.orbits.oblateness import oblateness_in, oblateness_on
+from baryscope.estimator.orbits.oblateness import oblateness_beside, oblateness_in, oblateness_on
 from baryscope.estimator.orbits.push import untold_push_beside
 from baryscope.estimator.paths.doubtful_path import DoubtfulPath
 from baryscope.estimator.paths.forces import Force, ForcedPath
@@ -63,10 +63,10 @@ def with_errors_of_orbit(
     Where the answer does not rest on what the tracks do not exclude, that is left to the time before and after them. Of
     an orbit that the tracks tell, the elements are unknowns already, but it may have no J2 yet. That has a known size:
     unless the tracks exclude it, it is among the unknowns, too. Without process noise models hold exactly, but for an
-    error of a told size, and for J2 on an orbit that nobody tells.
+    error of a told size, and for J2 on an orbit that nobody tells. An orbit that is exact may be told without J2.
     """
     path, orbit = found.path, acting_orbit(orbit, found.path)
-    if orbit is None or orbit.accuracy == 0 or path.name != "relative-orbit":
+    if orbit is None or path.name != "relative-orbit":
         return found
     doubts, acting = _doubts(found, orbit, options), without_noise(path)
     base = acting
@@ -136,7 +136,13 @@ def _doubts(found: PivotSolution, orbit: Orbit, options: PathOptions) -> tuple[_
             excess = beside.excess(1.0)
             acts = excess <= -DECISIVE
             doubts.append(_Doubt.of(beside, size, told=acts) if excess < DECISIVE else None)
-    elif estimated is None and path.prior.index(ORBIT_ERROR) is None:
+    elif estimated is None and isinstance(path, ProcessNoisePath) and path.density is None:
+        untold_oblateness = oblateness_beside(orbit, found.position, span)
+        if untold_oblateness is not None:
+            doubts.append(_Doubt.of_untold(_Beside.of(found, untold_oblateness), (1.0,)))
+    if orbit.accuracy == 0:
+        return tuple(doubt for doubt in doubts if doubt is not None)
+    if estimated is None and path.prior.index(ORBIT_ERROR) is None:
         deviation = orbit.accuracy or UNTOLD_TURN * orbit.semi_major_axis
         untold = orbit.accuracy is None
         beside = _Beside.of(found, orbit_error(orbit, found.position, *span, deviation, untold=untold))

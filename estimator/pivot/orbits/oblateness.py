@@ -152,6 +152,8 @@ def untold_oblateness(told: Orbit | None, path: Path) -> tuple[UntoldOblateness,
     if told is None:
         part = oblateness_in(path)
         return () if part is None else (UntoldOblateness(EARTH_J2, certain=part.told),)
+    if oblateness_in(path) is not None:
+        return (UntoldOblateness(EARTH_J2, certain=False),)
     orbit, either = orbit_in(path), perhaps_oblate_in(path)
     if told.j2 is not None or orbit is None or orbit.j2 is None:
         return ()
