@@ -1,4 +1,4 @@
-"""The attitude of a camera over time, from a table of quaternions, interpolated along great circles."""
+"""The attitude of a camera over time, from a table of quaternions, smooth between its rows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baryscope.estimator.camera.between_rows import interpolated
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.tables.form import Form
@@ -102,12 +103,8 @@ class AttitudeSeries:
         begin, end = self.quaternion[left], self.quaternion[left + 1]
         half = np.arctan2(np.linalg.norm(end - begin, axis=1), np.linalg.norm(end + begin, axis=1))  # a quarter turn's
         self._refuse_gaps(left, between, 4 * half, lag)
-        angle = 2 * half
-        sine = np.where(angle > 1e-9, np.sin(angle), 1.0)
-        of_begin = np.where(angle > 1e-9, np.sin((1 - share) * angle) / sine, 1 - share)
-        of_end = np.where(angle > 1e-9, np.sin(share * angle) / sine, share)
-        found = of_begin[:, None] * begin + of_end[:, None] * end
-        return matrix_from_quaternion(found / np.linalg.norm(found, axis=1, keepdims=True))
+        rows = matrix_from_quaternion(self.quaternion)
+        return interpolated(self.time, rows, left, self.time[left] + share * interval)
 
     def sharing(self, time: FloatArray, epoch: str | None = None) -> FloatArray:
         """How many of the times (n,) in s from `epoch` lie between the same two rows, or at the first of them, (n,).
