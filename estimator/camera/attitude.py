@@ -103,8 +103,7 @@ class AttitudeSeries:
         begin, end = self.quaternion[left], self.quaternion[left + 1]
         half = np.arctan2(np.linalg.norm(end - begin, axis=1), np.linalg.norm(end + begin, axis=1))  # a quarter turn's
         self._refuse_gaps(left, between, 4 * half, lag)
-        rows = matrix_from_quaternion(self.quaternion)
-        return interpolated(self.time, rows, left, self.time[left] + share * interval)
+        return interpolated(self.time, self.quaternion, left, self.time[left] + share * interval)
 
     def sharing(self, time: FloatArray, epoch: str | None = None) -> FloatArray:
         """How many of the times (n,) in s from `epoch` lie between the same two rows, or at the first of them, (n,).

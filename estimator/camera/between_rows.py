@@ -8,6 +8,7 @@ rows every 3 s, which no residual shows beside a path. Rows on either side tell 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 
 FloatArray = NDArray[np.float64]
@@ -19,15 +20,15 @@ NEAREST, FARTHEST = 0.5, 2.0
 WIDEST = float(np.deg2rad(20.0))  # to such a row: a wider turn is another manoeuvre
 
 
-def interpolated(time: FloatArray, attitude: FloatArray, left: IntArray, moments: FloatArray) -> FloatArray:
+def interpolated(time: FloatArray, quaternion: FloatArray, left: IntArray, moments: FloatArray) -> FloatArray:
     """The rotations (n, 3, 3) at moments (n,) in s after the rows left (n,), none of which is the last, and before the
     next ones.
 
-    time (k,) in s, ascending; attitude (k, 3, 3), the rows' rotations. An even turn is followed exactly.
+    time (k,) in s, ascending; quaternion (k, 4), (w, x, y, z), the rows' rotations. An even turn is followed exactly.
     """
     begin, interval, since = time[left], time[left + 1] - time[left], moments - time[left]
-    origin = attitude[left]
-    turn = _turn(origin, attitude[left + 1])
+    origin = matrix_from_quaternion(quaternion[left])
+    turn = _turn(origin, quaternion[left + 1])
     rows = (
         np.searchsorted(time, begin - NEAREST * interval, side="right") - 1,
         np.searchsorted(time, begin + (1 + NEAREST) * interval, side="left"),
@@ -37,7 +38,7 @@ def interpolated(time: FloatArray, attitude: FloatArray, left: IntArray, moments
         there = np.clip(row, 0, len(time) - 1)
         apart = time[there] - begin
         beyond = np.maximum(-apart, apart - interval)
-        own = _turn(origin, attitude[there])
+        own = _turn(origin, quaternion[there])
         near = (row == there) & (beyond >= NEAREST * interval) & (beyond <= FARTHEST * interval)
         near &= np.linalg.norm(own, axis=1) <= WIDEST
         apart = np.where(near, apart, -interval)  # of one that is not used, any time that is no row's
@@ -53,6 +54,6 @@ def interpolated(time: FloatArray, attitude: FloatArray, left: IntArray, moments
     return np.asarray(origin @ exp_rotation(moved))
 
 
-def _turn(origin: FloatArray, attitude: FloatArray) -> FloatArray:
-    """The rotation vectors (n, 3) from rotations (n, 3, 3) to others."""
-    return log_rotation(np.swapaxes(origin, 1, 2) @ attitude)
+def _turn(origin: FloatArray, quaternion: FloatArray) -> FloatArray:
+    """The rotation vectors (n, 3) from rotations (n, 3, 3) to those of quaternions (n, 4)."""
+    return log_rotation(np.swapaxes(origin, 1, 2) @ matrix_from_quaternion(quaternion))
