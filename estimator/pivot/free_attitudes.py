@@ -25,6 +25,7 @@ from baryscope.estimator.geometry.alignment import FEWEST_POINTS
 from baryscope.estimator.geometry.gauge import are_in_line, offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
+    eigen,
     inverse_across,
     inverse_and_null_space,
 )
@@ -115,8 +116,10 @@ class Linearised:
     noise_volume: float = 0.0
     offset_cost: float = 0.0
 
-    def step(self, precision: FloatArray | None = None) -> Solution:
+    def step(self, precision: FloatArray | None = None, *, whole: bool = False) -> Solution:
         """The solution after one step; precision (p,): inverse prior variances of x, in the units of the weights.
+
+        It changes the shape of a body no more than it is large, unless the step is to be `whole`.
 
         Raises:
             ComputationError: x or a point is larger than MAX_LENGTH after the step, or not finite.
@@ -130,7 +133,8 @@ class Linearised:
             self.bodies, self.inverse, self.by_path, self.points_rhs, self.told, strict=True
         ):
             decrease += float(points_rhs @ inverse @ points_rhs)
-            moved.append(body.moved(inverse @ points_rhs - by_path @ change, told))
+            moves = inverse @ points_rhs - by_path @ change
+            moved.append(body.moved(moves if whole else _limited(moves, inverse, body.points, told), told))
         unknowns = np.concatenate([self.x + change, *(body.points.ravel() for body in moved)])
         if not np.abs(unknowns).max() <= MAX_LENGTH:
             raise diverged()
@@ -264,6 +268,30 @@ def linearised(
         noise_volume=sum(own_sums.noise_volume for own_sums in sums),
         offset_cost=offset_cost,
     )
+
+
+def _limited(moves: FloatArray, inverse: FloatArray, points: FloatArray, told: BoolArray) -> FloatArray:
+    """The moves (3 m,) of points (m, 3), which change the shape of those that are told no more than it is large.
+
+    Along principal axes of their covariance, in `inverse` (3 m, 3 m): where parts of a body hardly tell how they stand
+    to each other, the problem is not linear as far as a step would lead. What moves all points alike, it is.
+    """
+    some, own = points[told], np.repeat(told, 3)
+    largest = float(np.linalg.norm(some - some.mean(axis=0)))
+    if not np.linalg.norm(_of_shape(moves[None, own])) > largest:
+        return moves
+    _, axes = eigen(inverse[np.ix_(own, own)])
+    along = axes.T @ moves[own]
+    size = np.linalg.norm(_of_shape(axes.T), axis=1) * np.abs(along)
+    limited = moves.copy()
+    limited[own] = axes @ (along * np.minimum(1.0, largest / np.maximum(size, 1e-300)))
+    return limited
+
+
+def _of_shape(moves: FloatArray) -> FloatArray:
+    """What moves (k, 3 m) of points change of their shape, (k, 3 m): without their mean."""
+    own = moves.reshape(len(moves), -1, 3)
+    return np.asarray((own - own.mean(axis=1, keepdims=True)).reshape(len(moves), -1))
 
 
 def told_features(body: Body, weight: FloatArray) -> BoolArray:

@@ -176,7 +176,7 @@ class _SubsampledSolution:
                     rhs=problem.rhs + holding @ (target - measures @ (place.x - found.solution.x)),
                     sizes=problem.sizes + np.einsum("pd,dp->p", holding, measures),
                 )
-                solution = there.step(variance * precision)
+                solution = there.step(variance * precision, whole=True)
             except ComputationError:
                 return None
             if step and solution.decrease <= STEP_TOLERANCE * variance:

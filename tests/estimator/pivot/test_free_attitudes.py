@@ -138,6 +138,27 @@ def test_axes_are_attached_to_the_features_that_count(full):
         np.testing.assert_allclose(own, getattr(alone, name)[0], rtol=0, atol=1e-6 * np.abs(own).max())
 
 
+def test_a_step_changes_a_body_no_more_than_it_is_large():
+    """Two halves with one feature in common, 300 m from the centre of mass: how they stand to each other is hardly
+    told, and the prior of the offset bends the body, by more than is linear.
+    """
+    observations, sampled, bodies, x = scene(full=False)
+    points, far = np.concatenate([bodies[0].points, bodies[1].points[1:]]), np.array([300.0, 0.0, 0.0])
+    position = observations.position.copy()
+    for body in bodies:
+        position[body.block] += (body.attitude @ far)[:, None]
+    seen = Observations(np.where((observations.weight > 0)[..., None], position, 0.0), observations.weight)
+    attitude = np.concatenate([body.attitude for body in bodies])
+    joined = Body(np.arange(M), np.arange(N), points + far, attitude)
+    problem = linearised((joined,), seen, sampled, x, offset_information=1e-3 * np.eye(3)[None])
+    step = problem.step()
+    whole = problem.inverse[0] @ problem.points_rhs[0] - problem.by_path[0] @ (step.x - x)
+    made = step.bodies[0].points - problem.bodies[0].points
+    size, asked, changed = (np.linalg.norm(one - one.mean(axis=0)) for one in (points, whole.reshape(-1, 3), made))
+    assert asked > 2 * size
+    assert changed < 1.5 * size
+
+
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_a_step_agrees_with_the_dense_normal_equations(full):
     """With all rotations, points and path as unknowns; the pseudo-inverse fixes the gauge of the bodies' axes."""
