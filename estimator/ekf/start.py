@@ -138,7 +138,7 @@ def _start_at(tracks: FeatureTracks, tumble: Tumble, registered: Registered, obs
 
 def start_of(tracks: FeatureTracks, best: MaximumAPosteriori) -> Start:
     """The start at the likeliest tumble, with its points and weights."""
-    nodes, points = _nodes(best.rotation, tracks.time), best.growth * best.equations.points
+    nodes, points = _nodes(best.rotation, tracks.time), best.seen_points
     found = best.rotation.at(nodes.time)
     attitude, origin = found.attitude[nodes.frames], best.sampled.position(best.x)
     seen = (best.observations.weight > NEGLIGIBLE).any(axis=0)

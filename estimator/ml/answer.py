@@ -67,8 +67,7 @@ def answer_of(tracks: FeatureTracks, pivot: PivotSolution, best: MaximumAPosteri
     weight = best.observations.weight
     turned = turned_by(best.sampled, best.x)
     attitude = best.motion.attitude if turned is None else exp_rotation(turned) @ best.motion.attitude
-    points = best.growth * best.equations.points
-    residuals = tracks.position - (points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
+    residuals = tracks.position - (best.seen_points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     of_path = predicted_path(best.path, best.x, of_x, span, prior, own)

@@ -24,6 +24,6 @@ def with_burns_of_tumble(problem: PivotProblem, pivot: PivotSolution, best: Maxi
     seen = attitude if turned is None else exp_rotation(turned) @ attitude
     weight, points = np.zeros_like(problem.start.measured.weight), []
     for own, columns in zip(problem.solved.bodies, (body.features for body in pivot.bodies), strict=True):
-        points.append(best.growth * best.equations.points[columns])
+        points.append(best.seen_points[columns])
         weight[own.block] = best.observations.weight[np.ix_(own.frames, columns)]
     return problem.with_burns_of(points, seen, best.sampled.position(best.x), weight, best.residual_variance)

@@ -62,6 +62,11 @@ class MaximumAPosteriori:
     converged: bool
     rounds: int
 
+    @property
+    def seen_points(self) -> FloatArray:
+        """The points (m, 3) in B, m, as the camera sees them."""
+        return self.growth * self.equations.points
+
 
 @dataclass(frozen=True, eq=False)
 class _Given:

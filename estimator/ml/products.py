@@ -38,8 +38,7 @@ def product_errors(
         return none
     origin, turned = path.position(best.x), turned_by(path, best.x)
     # A pattern is one more unknown of the path, which the equations have beside the others.
-    points = best.growth * best.equations.points
-    model = Model(best.motion, path.extended(shift), origin, points, best.noise, None, turned)
+    model = Model(best.motion, path.extended(shift), origin, best.seen_points, best.noise, None, turned)
     found, q = equations(best.observations, model), len(y)
     of_y = y @ found.matrix[:q, q:] / max(best.variance, 1e-300)
     return of_y, found.by_unknowns[:, q:] - found.by_unknowns[:, :q] @ of_y

@@ -52,12 +52,8 @@ def perhaps_oblate(
     """
     assert oblate.j2 is not None  # noqa: S101  as it is the oblate one
 
-    def acceleration(time: FloatArray) -> FloatArray:
-        ahead, behind = (gravity_gradient(one, target_states(one, time)) for one in (oblate, plain))
-        return perturbing_accelerations([(ahead, behind)], HALF, position(time))
-
-    half = replace(oblate, j2=HALF * oblate.j2)
-    force = Force(acceleration, (NAME,), "1", np.array([HALF]), longest_on(oblate, *span), np.zeros(0))
+    half, longest = replace(oblate, j2=HALF * oblate.j2), longest_on(oblate, *span)
+    force = Force(_of_j2(plain, oblate, position), (NAME,), "1", np.array([HALF]), longest, np.zeros(0))
     return EstimatedOblatenessPath(PerturbedOrbit(half, sum(span) / 2, known), force, *span, half, oblate.j2)
 
 
@@ -91,13 +87,20 @@ def _share_of(
     zero: float = 0.0,
 ) -> Force:
     """The force whose unknown is the share of J2, of a mean square of a half; zero: time 0 of the orbits, s."""
+    deviation, longest = np.array([np.sqrt(HALF)]), longest_on(oblate, *span)
+    return Force(_of_j2(plain, oblate, position, zero), (SHARE,), "1", deviation, longest, np.zeros(0))
+
+
+def _of_j2(
+    plain: Orbit, oblate: Orbit, position: Callable[[FloatArray], FloatArray], zero: float = 0.0
+) -> Callable[[FloatArray], FloatArray]:
+    """What J2 does, at times in s, m/s²: on the orbit with it beside that without. zero: time 0 of both, s."""
 
     def acceleration(time: FloatArray) -> FloatArray:
         ahead, behind = (gravity_gradient(one, target_states(one, time - zero)) for one in (oblate, plain))
         return perturbing_accelerations([(ahead, behind)], HALF, position(time))
 
-    deviation = np.array([np.sqrt(HALF)])
-    return Force(acceleration, (SHARE,), "1", deviation, longest_on(oblate, *span), np.zeros(0))
+    return acceleration
 
 
 def oblateness_in(path: Path) -> InexactOrbitPath | None:

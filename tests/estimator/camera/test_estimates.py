@@ -96,7 +96,8 @@ def test_frames_between_two_rows_of_the_attitude_share_its_noise(method, draws):
 
 def test_a_camera_that_swings_from_row_to_row_of_its_attitude_is_followed():
     """By 3° in a minute, with a row every 3 s, of which each frame is in the middle: 5e-4 rad off the great circle, the
-    same in every frame as it is at the same time of the swing, 1 cm at the target, with a NEES of 42."""
+    same in every frame as it is at the same time of the swing, 1 cm at the target, with a NEES of 42.
+    """
     time, rig = 60.0 * np.arange(30.0) + 1.5, Rig(lever_arm=tuple(ARM))
 
     def swing(moments):

@@ -42,9 +42,8 @@ def best(request):
     noise = FrameNoise(none, shift) if request.param else None
     found = equations(observations, Model(motion, sampled, sampled.position(x), points, noise))
     variance = NOISE**2
-    named = SimpleNamespace(
-        rotation=start, motion=motion, sampled=sampled, x=x, equations=found, growth=1.0, noise=noise
-    )
+    named = SimpleNamespace(rotation=start, motion=motion, sampled=sampled, x=x, equations=found, noise=noise)
+    named.seen_points = found.points
     named.observations, named.variance = observations, variance
     named.turn = Jacobians.of(motion.turn_in_C, TIME, Blocks.over(TIME, 10.0))
     named.y = variance * np.linalg.inv(found.matrix + 1e-6 * np.diag(found.sizes))
